@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
-from math import sqrt
+from math import hypot, sqrt
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import assemblies, Linkage
@@ -50,7 +50,7 @@ EVEN_SPEED = 0.01
 # Share of samples in the other direction from which on backlash is estimated.
 MIN_REVERSE_SHARE = 0.05
 # Stretches of a run whose scores are compared, and the largest ratio that is chance.
-BLOCKS, MAX_CHANCE = 40, 1.4
+BLOCKS, MAX_CHANCE = 20, 1.4
 # Gain of chi2 from which on residuals show a delay.
 MIN_DELAY_CHI2 = 30.0
 
@@ -92,7 +92,10 @@ class Calibration:
     series : tuple of SeriesFit
         The residuals.
     crank_noise : float
-        Standard deviation of the crank angle [rad]; 0 if it does not show.
+        Standard deviation of the encoder's samples [rad]; 0 if it does not show.
+    crank_gap : float
+        Standard deviation of the crank angle between samples that are too far apart [rad]; 0 for
+        samples that show its motion.
     chi2_dof : float or None
         Sum of squared residuals over the stated noise, per degree of freedom; None if the noise
         of a series is unknown and estimated from its residuals.
@@ -112,6 +115,7 @@ class Calibration:
     observability: Observability
     series: tuple[SeriesFit, ...]
     crank_noise: float
+    crank_gap: float
     chi2_dof: float | None
     late: float
     prior: bool
@@ -304,7 +308,8 @@ def _outlier_free_fit(problem: Problem) -> Fit:
         y = problem.minimized(problem.with_noise(y, is_used), problem.weak_prior)
         if np.array_equal(was_used, is_used):
             break
-    return problem.with_noise(y, is_used)
+    fit = problem.likeliest(problem.with_noise(y, is_used))
+    return fit._replace(y=problem.minimized(fit, problem.weak_prior))
 
 
 def _held_result(problem: Problem, fit: Fit) -> Calibration:
@@ -340,9 +345,12 @@ class _Evidence(NamedTuple):
 
 def _evidence(problem: Problem, fit: Fit) -> _Evidence:
     rows = problem.rows(fit.y)
-    residuals = problem.whitened(fit, rows, rows.residuals[:, None])[:, 0]
-    jacobian = problem.whitened(fit, rows, rows.jacobian)
-    chi2 = float(residuals @ residuals) / max(1, len(residuals) - len(fit.y))
+    # In the order of time.
+    whitening = problem.whitening(fit)
+    order = np.argsort(whitening.times, kind='stable')
+    residuals = whitening.residuals(rows.residuals)[order]
+    jacobian = whitening(rows.jacobian)[order]
+    chi2 = float(residuals @ residuals) / max(1, int(fit.is_used.sum()) - len(fit.y))
     triangle: Any = np.linalg.qr(jacobian, mode='r')
     # Residuals beyond the stated noise, and those that are alike from sample to sample, make
     # larger errors.
@@ -388,7 +396,8 @@ def _result(problem: Problem, fit: Fit, held_count: int = 0) -> Calibration:
         covariance=covariance,
         observability=verdict,
         series=tuple(_series_fits(problem, fit)),
-        crank_noise=fit.crank_noise,
+        crank_noise=hypot(fit.crank_noise, fit.motion.noise if fit.motion else 0.0),
+        crank_gap=problem.crank_gap(fit),
         chi2_dof=evidence.chi2 if has_stated_noise else None,
         late=_unmodelled_delay(problem, fit, evidence),
         prior=problem.prior is not None,
@@ -415,7 +424,8 @@ def _unmodelled_delay(problem: Problem, fit: Fit, evidence: _Evidence) -> float:
     rows = problem.rows(fit.y)
     rates = np.concatenate([series.rate for series in problem.measured])[problem.samples]
     by_delay = (problem.model.direction * rows.slopes * rates)[:, None]
-    column = problem.whitened(fit, rows, by_delay)[:, 0]
+    whitening = problem.whitening(fit)
+    column = whitening(by_delay)[np.argsort(whitening.times, kind='stable'), 0]
     jacobian = evidence.jacobian
     # What the parameters do not explain of it.
     unexplained = column - jacobian @ np.linalg.lstsq(jacobian, column, rcond=None)[0]

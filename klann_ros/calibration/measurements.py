@@ -1,18 +1,17 @@
 """Measurements of a leg: points, angles and distances, each with the crank angle at its time."""
 
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, TypeAlias
+from functools import cached_property
+from typing import Literal, TypeAlias
 
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 from klann_ros.sanitize.text import did_you_mean, printable
 import numpy as np
 
+from .crank import CrankMotion
+
 Kind: TypeAlias = Literal['point', 'angle', 'distance']
-# A crank sample that is further away than this times the usual period is a gap.
-MAX_GAP_PERIODS = 5.0
-# Crank samples between which it is interpolated are at most this far apart [rad].
-MAX_CRANK_STEP = 0.5
 
 
 class MeasurementError(ValueError):
@@ -20,7 +19,8 @@ class MeasurementError(ValueError):
 
 
 @with_short_repr
-class CrankSamples(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class CrankSamples:
     """The crank joint's position over time, shape (n,)."""
 
     times: FloatArray  # rising stamps [s]
@@ -32,21 +32,18 @@ class CrankSamples(NamedTuple):
         times, columns = _cleaned(times, positions[:, None])
         return cls(times, np.unwrap(columns[:, 0]))
 
+    @cached_property
+    def motion(self) -> CrankMotion:
+        """Return the motion between the samples."""
+        return CrankMotion(self.times, self.positions)
+
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions [rad] and rates [rad/s], shape (n,); NaN in gaps and beyond."""
-        if len(self.times) < 2:
-            return np.full(len(times), np.nan), np.full(len(times), np.nan)
-        right = np.searchsorted(self.times, times).clip(1, len(self.times) - 1)
-        t_0, t_1 = self.times[right - 1], self.times[right]
-        x_0, x_1 = self.positions[right - 1], self.positions[right]
-        max_gap = MAX_GAP_PERIODS * float(np.median(np.diff(self.times)))
-        is_missing = (t_1 - t_0 > max_gap) | (np.abs(x_1 - x_0) > MAX_CRANK_STEP)
-        # A period beyond the ends is extrapolated: cameras and encoders do not stop together.
-        is_missing |= (times < t_0 - max_gap / 5.0) | (times > t_1 + max_gap / 5.0)
-        positions = x_0 + (x_1 - x_0) / (t_1 - t_0) * (times - t_0)
-        # Central differences: the rate at a sample, not before it.
-        rates = np.interp(times, self.times, np.gradient(self.positions, self.times))
-        return np.where(is_missing, np.nan, positions), np.where(is_missing, np.nan, rates)
+        is_known = self.motion.knows(times)
+        angles: FloatArray = np.full((2, len(times)), np.nan)
+        if is_known.any():
+            angles[:, is_known] = self.motion.at(times[is_known])
+        return angles[0], angles[1]
 
 
 @with_short_repr
@@ -58,9 +55,10 @@ class MeasuredSeries:
     `name` is a point, a body's angle or distance, or the distance of two points: 'H', 'theta',
     'A-H'. At the stamps `times`, shape (n,) [s], `values` are positions in the leg's plane or the
     camera's, shape (n, 2) [m], angles [rad] or distances [m], shape (n, 1); `crank` and `rate` are
-    those of the crank joint, shape (n,) [rad, rad/s]. `noise` is the standard deviation of each
-    number, if it is known [m, rad], `source` such as a topic, and `skipped` the number of samples
-    that were left out: not finite, repeated, or without a crank angle.
+    those of the crank joint, shape (n,) [rad, rad/s], by the samples `encoder`. `noise` is the
+    standard deviation of each number, if it is known [m, rad], `source` such as a topic, and
+    `skipped` the number of samples that were left out: not finite, repeated, or without a crank
+    angle.
     """
 
     kind: Kind
@@ -69,6 +67,7 @@ class MeasuredSeries:
     values: FloatArray
     crank: FloatArray
     rate: FloatArray
+    encoder: CrankSamples
     noise: float | None = None
     source: str = ''
     skipped: int = 0
@@ -104,6 +103,7 @@ def series_of(
         numbers[is_paired],
         positions[is_paired],
         rates[is_paired],
+        crank,
         noise=noise,
         source=source,
         skipped=len(times) - int(np.count_nonzero(is_paired)),

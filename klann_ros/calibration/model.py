@@ -4,7 +4,7 @@ The measurement model: predicted measurements, and their derivatives by all para
 Parameters are the dimensions of the linkage, the zero of its encoder (`phase`), and on request the
 camera's pose in the leg's plane, the delay of the measurements and the backlash of the crank:
 
-    alpha = s (crank + rate delay + sign(rate) backlash / 2) + phase,    s = +-1 (direction)
+    alpha = s (crank(t + delay) + sign(rate) backlash / 2) + phase,    s = +-1 (direction)
     point = R(rotation) p(alpha; dimensions) + (x, y).
 
 Every parameter has a unit, the error that a workshop makes.
@@ -96,11 +96,20 @@ class MeasurementModel:
 
     def crank_angles(self, series: MeasuredSeries, parameters: FloatArray) -> FloatArray:
         """Return the crank angles of a series, shape (n,) [rad]."""
-        delay = self.value(parameters, DELAY)
+        crank, rate = self.crank_motion(series, parameters)
         backlash = self.value(parameters, BACKLASH)
-        joint = series.crank + series.rate * delay + np.sign(series.rate) * backlash / 2.0
+        joint = crank + np.sign(rate) * backlash / 2.0
         alphas: FloatArray = self.direction * joint + self.value(parameters, PHASE)
         return alphas
+
+    def crank_motion(
+        self, series: MeasuredSeries, parameters: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the crank joint's angles [rad] and rates [rad/s] at the delayed stamps."""
+        delay = self.value(parameters, DELAY)
+        if not delay:
+            return series.crank, series.rate
+        return series.encoder.motion.at(series.times + delay)
 
     def predict(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
         """Return the prediction of a series; NaN at crank angles out of reach."""
@@ -109,10 +118,11 @@ class MeasurementModel:
         jacobian[..., : self.count] = dimensions
         if series.kind == 'point' and CAMERA[0] in self.names:
             values, slope = self._seen(values, slope, jacobian, parameters)
+        _, rate = self.crank_motion(series, parameters)
         by_alpha = {
             PHASE: np.ones(len(values)),
-            DELAY: self.direction * series.rate,
-            BACKLASH: self.direction * np.sign(series.rate) / 2.0,
+            DELAY: self.direction * rate,
+            BACKLASH: self.direction * np.sign(rate) / 2.0,
         }
         for name in by_alpha.keys() & {*self.names}:
             jacobian[..., self.names.index(name)] = slope * by_alpha[name][:, None]

@@ -1,12 +1,15 @@
 """
 The least-squares problem of a calibration: residuals, their derivatives, noise and minimum.
 
-Residuals are divided by their standard deviation and have exact derivatives. Noise of the crank
-angle moves all numbers of a sample along the slope v of its path: with it their covariance is
-S = sigma^2 + sigma_crank^2 v v^T.
+Residuals are divided by their standard deviation and have exact derivatives. An error of the crank
+angle moves all numbers of a sample along the slope v of its path. With the covariance K of the
+crank's motion between the samples of its encoder (see `crank`) and noise at each stamp it is
+
+    S = sigma^2 + v (K + sigma_crank^2) v^T.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from math import sqrt
 from typing import Any, NamedTuple
 
@@ -14,8 +17,9 @@ from klann_ros.kinematics import GeometryError
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray
 import numpy as np
 
+from .crank import CrankMotion, CrankWhitening
 from .measurements import MeasuredSeries, MeasurementError, subset
-from .model import MeasurementModel
+from .model import DELAY, MeasurementModel
 
 # Standard deviations beyond which a sample is an outlier; of a normal distribution by its MAD.
 OUTLIER_GATE = 5.0
@@ -30,6 +34,12 @@ BEND_LENGTH = 0.03
 MIN_INLIERS = 0.5
 # Standard errors that show crank noise.
 MIN_CRANK_NOISE = 4.0
+# Chi2 of the errors of the crank's motion up to which these are left out.
+MAX_MOTION_CHI2 = 0.01
+# Mean chi2 from which on errors between distant samples of the crank are worth a warning.
+MIN_GAP_CHI2 = 0.1
+# Iterations of the noise beside errors of the crank's motion.
+NOISE_ITERATIONS = 3
 
 Prior = float | Mapping[str, float] | None
 """Standard deviations of the dimensions [m, rad]: one of all, or by name."""
@@ -41,7 +51,8 @@ class Fit(NamedTuple):
     y: FloatArray
     is_used: BoolArray
     sigmas: FloatArray  # of each series [m, rad]
-    crank_noise: float  # [rad]
+    crank_noise: float  # noise of the crank angle at each stamp [rad]
+    motion: CrankMotion | None  # the crank's motion, where its errors count
 
 
 class Rows(NamedTuple):
@@ -75,7 +86,8 @@ class Problem:
         self.weak_prior = np.diag(1.0 / _deviations(model, prior))
         self._crank_noise = crank_noise
         self._last_rows: tuple[bytes, Rows] | None = None
-        # The series of each row, its sample among all, and its stamp.
+        self._last_whitening: tuple[Fit, Whitening] | None = None
+        # The series of each row, its sample among all, its stamp, and the index of that.
         sizes = [series.values.size for series in measured]
         self.owners = np.repeat(np.arange(len(measured)), sizes)
         times = np.concatenate([series.times for series in measured])
@@ -83,7 +95,20 @@ class Problem:
         for series in measured:
             widths += [series.values.shape[1]] * len(series.times)
         self.samples = np.repeat(np.arange(len(times)), widths)
-        self._stamps = np.unique(times, return_inverse=True)[1][self.samples]
+        self.times: FloatArray = times[self.samples]
+        self.stamps = np.unique(times, return_inverse=True)[1][self.samples]
+
+    @cached_property
+    def motion(self) -> CrankMotion:
+        """Return the motion of the crank, by the samples that all series are paired with."""
+        encoder = self.measured[0].encoder
+        if self._crank_noise is None:
+            return encoder.motion
+        return CrankMotion(encoder.times, encoder.positions, self._crank_noise)
+
+    def delayed_times(self, y: FloatArray) -> FloatArray:
+        """Return the times of all rows by the crank's clock [s]."""
+        return self.times + self.model.value(self.parameters(y), DELAY)
 
     def with_samples(self, count: int) -> 'Problem':
         """Return the problem of at most `count` samples a series, without crank noise."""
@@ -118,29 +143,20 @@ class Problem:
         jacobian = np.concatenate(jacobians) * self.model.units
         return Rows(np.concatenate(residuals), jacobian, np.concatenate(slopes))
 
-    def whitened(self, fit: Fit, rows: Rows, columns: FloatArray) -> FloatArray:
-        """Return columns of the used rows times S^(-1/2), shape (n, m)."""
-        sigma = fit.sigmas[self.owners][fit.is_used]
-        scaled: FloatArray = columns[fit.is_used] / sigma[:, None]
-        if fit.crank_noise == 0.0:
-            return scaled
-        # In units of sigma S is 1 + crank^2 v v^T at each stamp; with n = |v| its S^(-1/2) is
-        # 1 - c v v^T / n^2, c = 1 - 1 / sqrt(1 + crank^2 n^2).
-        slopes = rows.slopes[fit.is_used] / sigma
-        stamps = self._stamps[fit.is_used]
-        squares = np.maximum(np.bincount(stamps, slopes**2)[stamps], 1e-300)
-        factor = (1.0 - 1.0 / np.sqrt(1.0 + fit.crank_noise**2 * squares)) / squares * slopes
-        along = np.empty_like(scaled)
-        for n, column in enumerate((slopes[:, None] * scaled).T):
-            along[:, n] = np.bincount(stamps, column)[stamps]
-        return scaled - factor[:, None] * along
+    def whitening(self, fit: Fit) -> 'Whitening':
+        """Return the whitening of the used rows by the noise of a fit."""
+        if self._last_whitening is None or self._last_whitening[0] is not fit:
+            self._last_whitening = fit, Whitening(self, fit)
+        return self._last_whitening[1]
 
     def inliers(self, fit: Fit) -> BoolArray:
         """Return the rows of samples without a number beyond the gate."""
         rows = self.rows(fit.y)
-        variance = fit.sigmas[self.owners] ** 2
-        variance = variance + fit.crank_noise**2 * np.nanmax(rows.slopes**2)
+        times = self.delayed_times(fit.y)
+        errors = rows.slopes[:, None] * self.motion.errors(self.motion.moments(times))
+        variance = fit.sigmas[self.owners] ** 2 + np.mean(errors**2, axis=1)
         is_outlier = ~(np.abs(rows.residuals) < OUTLIER_GATE * np.sqrt(variance))
+        is_outlier |= ~self.motion.knows(times)
         is_inlier: BoolArray = ~np.isin(self.samples, self.samples[is_outlier])
         return is_inlier
 
@@ -150,14 +166,14 @@ class Problem:
 
         def residuals(y: FloatArray) -> FloatArray:
             rows = self.rows(y)
-            measured = self.whitened(fit, rows, rows.residuals[:, None])[:, 0]
             # Beyond the reach of the leg; the step is rejected.
-            measured = np.nan_to_num(measured, nan=1e6)
+            reached = np.nan_to_num(rows.residuals, nan=1e3)
+            measured = self.whitening(fit).residuals(reached)
             return np.concatenate([measured, prior_rows @ (y - self.start_y)])
 
         def jacobian(y: FloatArray) -> FloatArray:
             rows = self.rows(y)
-            return np.vstack([np.nan_to_num(self.whitened(fit, rows, rows.jacobian)), prior_rows])
+            return np.vstack([self.whitening(fit)(np.nan_to_num(rows.jacobian)), prior_rows])
 
         # MINPACK is the fastest, and has no loss.
         method, tolerance = ('lm', 1e-9) if loss == 'linear' else ('trf', 1e-4)
@@ -172,32 +188,69 @@ class Problem:
         medians = np.empty(len(self.measured))
         for n in range(len(medians)):
             medians[n] = np.median(sizes[owners == n])
-        return Fit(y, is_used, np.maximum(MAD_FACTOR * medians, 1e-9), 0.0)
+        return Fit(y, is_used, np.maximum(MAD_FACTOR * medians, 1e-9), 0.0, None)
 
-    def with_noise(self, y: FloatArray, is_used: BoolArray) -> Fit:
+    def likeliest(self, fit: Fit) -> Fit:
+        """Return a fit with the noise of its residuals and the likeliest motion of the crank."""
+        fits = []
+        for motion in self.motion.likely:
+            candidate = self.with_noise(fit.y, fit.is_used, motion)
+            points_deviance = self.whitening(candidate).deviance(self.rows(fit.y).residuals)
+            fits.append((motion.deviance + points_deviance, candidate))
+        return min(fits, key=lambda pair: pair[0])[1]
+
+    def with_noise(
+        self, y: FloatArray, is_used: BoolArray, motion: CrankMotion | None = None
+    ) -> Fit:
         """Return a fit with the noise of its residuals: stated, or estimated."""
+        motion = motion or self.motion
         owners = self._checked_owners(is_used)
         counts = np.bincount(owners, minlength=len(self.measured))
         rows = self.rows(y)
-        residuals = rows.residuals[is_used]
         slopes = rows.slopes[is_used] ** 2
+        moments = motion.moments(self.delayed_times(y)[is_used])
+        motion_squares = slopes * np.mean(motion.errors(moments) ** 2, axis=1)
+        squares = rows.residuals[is_used] ** 2
+        variances = np.maximum(np.bincount(owners, squares) / counts, 1e-18)
+        squares = squares - motion_squares
         mean_slopes = np.bincount(owners, slopes) / counts
-        variances = np.maximum(np.bincount(owners, residuals**2) / counts, 1e-18)
-        crank_noise = self._crank_noise
-        if crank_noise is None:
+        crank_noise = 0.0
+        if self._crank_noise is None:
             # The excess of residuals where the path is fast: a line over the squared slopes, by
             # weights of squared normal numbers, whose variance is 2 sigma^4.
             centred = slopes - mean_slopes[owners]
             weights = centred / (2.0 * variances[owners] ** 2)
             weight = float(weights @ centred)
-            excess = float(weights @ residuals**2)
+            excess = float(weights @ squares)
             is_visible = weight > 0.0 and excess > MIN_CRANK_NOISE * sqrt(weight)
             crank_noise = sqrt(excess / weight) if is_visible else 0.0
-        without_crank = variances - crank_noise**2 * np.bincount(owners, slopes) / counts
+        without_crank = np.bincount(owners, squares) / counts - crank_noise**2 * mean_slopes
         sigmas = np.sqrt(np.maximum(without_crank, 0.01 * variances))
-        for n, series in enumerate(self.measured):
-            sigmas[n] = series.noise or sigmas[n]
-        return Fit(y, is_used, sigmas, crank_noise)
+        stated = np.array([series.noise or np.nan for series in self.measured])
+        sigmas = np.where(np.isnan(stated), sigmas, stated)
+        motion_chi2 = float((motion_squares / sigmas[owners] ** 2).sum())
+        fit = Fit(
+            y, is_used, sigmas, crank_noise, motion if motion_chi2 > MAX_MOTION_CHI2 else None
+        )
+        for _ in range(NOISE_ITERATIONS if fit.motion else 0):
+            # The residuals about the motion that fits best are smaller by its share.
+            whitening = self.whitening(fit)
+            residuals = whitening.residuals(rows.residuals)[: len(owners)]
+            factors = np.bincount(owners, residuals**2) / np.bincount(owners, whitening.freedom())
+            sigmas = np.where(np.isnan(stated), fit.sigmas * np.sqrt(factors), stated)
+            fit = fit._replace(sigmas=sigmas)
+        return fit
+
+    def crank_gap(self, fit: Fit) -> float:
+        """Return the error of the crank angle between samples that miss its motion; else 0."""
+        if fit.motion is None:
+            return 0.0
+        moments = fit.motion.moments(self.delayed_times(fit.y)[fit.is_used])
+        variances = np.mean(fit.motion.errors(moments) ** 2, axis=1)
+        slopes = self.rows(fit.y).slopes[fit.is_used] / fit.sigmas[self.owners][fit.is_used]
+        deviation = float(np.mean(variances)) ** 0.5
+        is_visible = float(variances @ slopes**2) > MIN_GAP_CHI2 * len(slopes)
+        return deviation if is_visible and deviation > fit.motion.noise else 0.0
 
     def _checked_owners(self, is_used: BoolArray) -> IndexArray:
         """Return the series of the used rows; a MeasurementError if few of a series are used."""
@@ -211,6 +264,70 @@ class Problem:
                     f'samples only: check the point, its topic, unit and axes'
                 )
         return owners
+
+
+class Whitening:
+    """Whitens the used rows by the noise of a fit; the rows of the crank's motion follow them."""
+
+    def __init__(self, problem: Problem, fit: Fit) -> None:
+        is_used = fit.is_used
+        self._is_used = is_used
+        self._sigma = fit.sigmas[problem.owners][is_used]
+        slopes = problem.rows(fit.y).slopes[is_used] / self._sigma
+        # In units of sigma S is 1 + crank^2 v v^T at each stamp; with n = |v| its S^(-1/2) is
+        # 1 - c v v^T / n^2, c = 1 - 1 / sqrt(1 + crank^2 n^2).
+        self._stamps = problem.stamps[is_used]
+        squares = np.maximum(np.bincount(self._stamps, slopes**2)[self._stamps], 1e-300)
+        # Its determinant is 1 + crank^2 n^2; a stamp has a share of it for each of its rows.
+        shares = slopes**2 / squares
+        self._log_determinant = float(shares @ np.log1p(fit.crank_noise**2 * squares))
+        shrinkage = 1.0 - 1.0 / np.sqrt(1.0 + fit.crank_noise**2 * squares)
+        self._slopes = slopes
+        self._factor = shrinkage / squares * slopes
+        self.times = problem.times[is_used]
+        self._motion = None
+        # What the residuals change by from the usual motion to the fit's.
+        self._offsets: FloatArray = np.zeros(len(slopes))
+        if fit.motion is not None:
+            delayed_times = problem.delayed_times(fit.y)[is_used]
+            moments = fit.motion.moments(delayed_times)
+            change = fit.motion.at(delayed_times)[0] - problem.motion.at(delayed_times)[0]
+            self._offsets = problem.model.direction * slopes * self._sigma * change
+            white_slopes = self._without_crank_noise(slopes[:, None])[:, 0]
+            self._motion = CrankWhitening(fit.motion, moments, white_slopes)
+            self.times = np.concatenate([self.times, fit.motion.state_times])
+
+    def __call__(self, columns: FloatArray) -> FloatArray:
+        """Return columns, shape (rows, m), as whitened ones, shape (len(times), m)."""
+        whitened = self._without_crank_noise(columns[self._is_used] / self._sigma[:, None])
+        return whitened if self._motion is None else self._motion(whitened)
+
+    def residuals(self, residuals: FloatArray) -> FloatArray:
+        """Return whitened residuals of all rows, shape (len(times),)."""
+        moved = residuals.copy()
+        moved[self._is_used] += self._offsets
+        whitened: FloatArray = self(moved[:, None])[:, 0]
+        return whitened
+
+    def freedom(self) -> FloatArray:
+        """Return the mean squares of the whitened residuals of the used rows."""
+        errors = 0.0 if self._motion is None else self._motion.errors()
+        return np.asarray(1.0 - np.mean(np.square(errors), axis=-1))
+
+    def deviance(self, residuals: FloatArray) -> float:
+        """Return -2 times the logarithm of the likelihood of the residuals."""
+        determinant = self._log_determinant + 2.0 * np.log(self._sigma).sum()
+        if self._motion is not None:
+            determinant += self._motion.log_determinant
+        return float(np.sum(self.residuals(residuals) ** 2) + determinant)
+
+    def _without_crank_noise(self, columns: FloatArray) -> FloatArray:
+        if not self._factor.any():
+            return columns
+        along = np.empty_like(columns)
+        for n, column in enumerate((self._slopes[:, None] * columns).T):
+            along[:, n] = np.bincount(self._stamps, column)[self._stamps]
+        return columns - self._factor[:, None] * along
 
 
 def _deviations(model: MeasurementModel, prior: Prior) -> FloatArray:

@@ -23,6 +23,11 @@ def text_lines(calibration: Calibration, further: Sequence[Suggestion]) -> Itera
     yield from map(series_line, calibration.series)
     if calibration.crank_noise:
         yield f'crank angle: noise {degrees(calibration.crank_noise):.2g} deg'
+    if calibration.crank_gap:
+        error = f'{degrees(calibration.crank_gap):.2g} deg'
+        period = f'{1e3 * calibration.series[0].series.encoder.motion.period:.3g} ms'
+        yield f'crank angle: unknown by {error} between its samples, which are {period} apart:'
+        yield '  record the encoder at a higher rate, or turn more evenly'
     if calibration.chi2_dof is not None:
         yield f'chi2/dof: {calibration.chi2_dof:.3f}'
     if _hides_mirrored_axes(calibration):
@@ -158,6 +163,7 @@ def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str,
         'suggestions': [suggestion._asdict() for suggestion in further],
         'prior': calibration.prior,
         'noise': {**noise, 'crank': calibration.crank_noise},
+        'crank_gap': calibration.crank_gap,
         'chi2_dof': calibration.chi2_dof,
         'late': calibration.late,
         'points': points,

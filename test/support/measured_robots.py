@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 import math
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,12 @@ def built(
     scale = [length if d.unit == 'm' else math.radians(bend) for d in drawn.structure.dimensions]
     numbers = np.array(drawn.numbers) + rng.normal(0.0, scale)
     return drawn.varied(dict(zip(drawn.dimensions, numbers.tolist(), strict=True)))
+
+
+@lru_cache(maxsize=4)
+def encoder_samples(times: tuple[float, ...], positions: tuple[float, ...]) -> CrankSamples:
+    """Return the samples of an encoder: the same object for all series of a robot."""
+    return CrankSamples.of(np.array(times), np.array(positions))
 
 
 @dataclass(frozen=True)
@@ -82,7 +89,8 @@ class Robot:
         kind = kind_of(self.linkage, name)
         if values is None:
             values = self.seen(name) if kind == 'point' else self.angle(name)
-        encoder = CrankSamples.of(self.times, self.crank if crank is None else crank)
+        positions = self.crank if crank is None else crank
+        encoder = encoder_samples(tuple(self.times.tolist()), tuple(positions.tolist()))
         return series_of(kind, name, self.times[: len(values)], values, encoder, noise=noise)
 
     def measured(self, names: Sequence[str] = 'HG') -> list[MeasuredSeries]:
