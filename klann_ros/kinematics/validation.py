@@ -85,6 +85,13 @@ def positive_setting(name: str, argument: Any, maximum: float = math.inf) -> flo
     return number
 
 
+def choice(name: str, argument: Any, choices: Sequence[str]) -> str:
+    """Return one of some texts; a GeometryError for anything else."""
+    if argument not in choices:
+        raise GeometryError(f'{name} = {argument!r} is refused: it must be {" or ".join(choices)}')
+    return str(argument)
+
+
 def check_rate(name: str, number: float) -> None:
     """Refuse a rate or an acceleration that is not a finite number with a ValueError."""
     # The fast path: nearly every rate is a float.

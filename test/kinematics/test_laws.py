@@ -8,6 +8,7 @@ from typing import Any
 
 from hypothesis import assume, given, settings, strategies as st
 from klann_ros.kinematics import (
+    FourBar,
     ImmobileDirectionError,
     KinematicsError,
     KlannGeometry,
@@ -19,7 +20,7 @@ from klann_ros.kinematics import (
 )
 import numpy as np
 import pytest
-from sample_linkages import allowed, alphas, difference, fresh, KNOWN, leg_of, legs, NAMES, solved
+from sample_linkages import allowed, alphas, difference, fresh, leg_of, legs, NAMES, solved
 
 AnyLeg = Leg[Any, Any]
 rates = st.floats(-5.0, 5.0)
@@ -321,8 +322,11 @@ def test_a_singular_pose_has_no_motion_and_transmits_nothing_known(method: str) 
     # |BD| reaches its greatest length just where BC and DC are in line.
     stretched = KlannGeometry(l_bc=0.12 + math.hypot(0.35, 0.09) - 0.14 + 1e-16).linkage
     for leg, alpha in (
-        (leg_of(stretched), math.atan2(-0.09, 0.35) + math.pi + 1e-9),
-        (leg_of(KNOWN['crank-rocker'].linkage.varied({'coupler': 0.18, 'rocker': 0.08})), 0.0),
+        (
+            leg_of(stretched.at_every_change_point('sign')),
+            math.atan2(-0.09, 0.35) + math.pi + 1e-9,
+        ),
+        (FourBar(0.18, 0.08, 0.18, 0.08, at_change_points='sign'), 0.0),
     ):
         pose = getattr(leg, method)(alpha)
         for motion, arguments in (

@@ -10,13 +10,16 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
-from klann_ros.kinematics.arrays import AnyArray, ByteArray, FloatArray
+from klann_ros.kinematics.angles import MAX_CRANK_ANGLE, TURN
+from klann_ros.kinematics.arrays import AnyArray, BoolArray, ByteArray, FloatArray
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.blocks import Block, blocks_of, solve_openings
+from klann_ros.kinematics.linkage.change_points import ChangePoints, InterpolatedPose
 from klann_ros.kinematics.linkage.dimension_derivatives import vector_derivatives
+from klann_ros.kinematics.linkage.dyads import CONTACT_ROUNDING
 from klann_ros.kinematics.linkage.equations import path_terms
+from klann_ros.kinematics.linkage.linkage import Linkage
 from klann_ros.kinematics.linkage.step import MAX_BRANCH_JUMP
 from klann_ros.kinematics.linkage.topology import Path
 from klann_ros.kinematics.linkage.variants import Variants
@@ -26,6 +29,8 @@ from .results import LinkagePoses, open_loops, Reason, unreachable
 
 MAX_ITERATIONS = 10
 STEP_TOLERANCE = 1e-12
+# Step of the search for linkages with change points among many [rad].
+SCREENING_STEP = TURN / 72.0
 _GRADIENTS = 'h_gradient', 'angles_gradient', 'points_gradient'
 
 
@@ -33,14 +38,18 @@ class Blockwise:
     """
     Linkages of one structure, solved block by block; `rows` are some of the variants.
 
-    With coupled loops `rows` is a single one; a GeometryError if it is invalid.
+    With coupled loops `rows` is a single one, a GeometryError if it is invalid; and where the row
+    is a `linkage` with change points, along its path.
     """
 
-    def __init__(self, variants: Variants, rows: Any = slice(None)) -> None:
+    def __init__(
+        self, variants: Variants, rows: Any = slice(None), linkage: Linkage | None = None
+    ) -> None:
         self.structure = structure = variants.base.structure
-        self._signs = variants.signs[:, rows, None]
-        self._linkage = None
-        if variants.base.is_dyadic:
+        self._signs: Any = variants.signs[:, rows, None]
+        self._interpolated: list[tuple[BoolArray, InterpolatedPose]] = []
+        self._linkage = linkage
+        if linkage is None and variants.base.is_dyadic:
             pivots, bars = variants.vectors
             self._pivots = [np.broadcast_to(pivot, len(variants))[rows, None] for pivot in pivots]
             self._bars = [np.broadcast_to(bar, len(variants))[rows, None] for bar in bars]
@@ -48,15 +57,17 @@ class Blockwise:
             rows_of_loops = [path_terms(structure, path, *self._vectors) for path in loops]
             self.blocks = blocks_of(structure, rows_of_loops)
         else:
-            linkage = variants.base
-            # The base keeps the branch that it has followed.
-            if tuple(variants.numbers[:, rows.start]) != linkage.numbers:
-                linkage = variants[rows.start]
+            if linkage is None:
+                linkage = variants.base
+                # The base keeps the branch that it has followed.
+                is_base = tuple(variants.numbers[:, rows.start]) == linkage.numbers
+                if not is_base or variants.linkages is not None:
+                    linkage = variants[rows.start]
             self._linkage = linkage
             self.blocks = linkage.blocks
             self._pivots = [*np.reshape(linkage.pivots, (-1, 1, 1))]
             self._bars = [*np.reshape(linkage.bars, (-1, 1, 1))]
-            _ = linkage.branch
+            _ = linkage.change_points
 
     @property
     def _vectors(self) -> tuple[list[Any], list[Any]]:
@@ -67,15 +78,41 @@ class Blockwise:
         u: list[Any] = [None] * len(self.structure.bodies)
         u[0] = np.exp(1j * self.structure.senses[0] * alphas)
         linkage = self._linkage
-        guesses = linkage.branch.guesses(alphas[0])[:, None] if linkage else np.empty(0)
-        for block, sign in zip(self.blocks[:count], self._signs, strict=False):
+        signs = self._signs
+        guesses = np.empty(0)
+        if linkage and linkage.change_points:
+            signs = linkage.change_points.sign_arrays(alphas)
+        if linkage and not linkage.is_dyadic:
+            guesses = linkage.branch.guesses(alphas[0])[:, None]
+        for block, sign in zip(self.blocks[:count], signs, strict=False):
             if block.is_dyad:
                 a, b = block.unknowns
                 u[a], u[b] = block.dyad_solver.place(u, block.closure_vector(u), sign)
             elif linkage is not None:
                 indices = [linkage.prefix_bodies.index(j) - 1 for j in block.unknowns]
                 self._refine(block, u, guesses[indices], linkage.size)
+        if linkage and linkage.change_points:
+            self._interpolate(u, alphas, linkage.change_points)
         return u
+
+    def _interpolate(self, u: list[Any], alphas: FloatArray, points: ChangePoints) -> None:
+        """Replace the vectors of poses near change points."""
+        self._interpolated = points.interpolated_poses(alphas)
+        for near, pose in self._interpolated:
+            for j, vector in enumerate(self._vectors_near(near, alphas, pose)):
+                u[j][near] = vector
+
+    def _interpolate_rates(self, u: list[Any], x_1: list[Any], u_1: list[Any]) -> None:
+        """Replace the derivatives by the crank angle of poses near change points."""
+        for near, pose in self._interpolated:
+            rates = [np.ones(len(pose.x)), *pose.x_1.T]
+            vectors = [vector[near] for vector in u]
+            for j, rate in enumerate(rates):
+                x_1[j][near] = rate
+                u_1[j][near] = joints.vector_velocity(self.structure, vectors, rates, j)
+
+    def _vectors_near(self, near: BoolArray, alphas: FloatArray, pose: InterpolatedPose) -> Any:
+        return joints.body_vectors(self.structure, [alphas[near], *pose.x.T])
 
     def _refine(self, block: Block, u: list[Any], guesses: FloatArray, size: float) -> None:
         """Place the bodies of coupled loops, from guesses of their coordinates."""
@@ -133,6 +170,7 @@ class Blockwise:
             if singular.any():
                 x_1 = [*np.where(singular, np.nan, x_1)]
                 u_1 = [*np.where(singular, np.nan, u_1)]
+            self._interpolate_rates(u, x_1, u_1)
         for name, array in results.arrays().items():
             if name == 'transmission_angles':
                 for k, block in enumerate(self.blocks):
@@ -198,15 +236,83 @@ class Blockwise:
             coordinates[..., 1] = np.imag(vector)
 
 
+def changing_linkages(variants: Variants) -> dict[int, Linkage]:
+    """
+    Return those of some dyadic variants that have change points, by their rows.
+
+    Variants that are arrays are checked where the crank drives a dyad, and where they are their
+    base; all of them if the base has change points in other dyads. The others keep their signs.
+    """
+    if variants.changing is None:
+        variants.changing = {}
+        for i in np.flatnonzero(_may_change(variants)).tolist():
+            linkage = variants[i]
+            if linkage.change_points:
+                variants.changing[i] = linkage
+    return variants.changing
+
+
+def _may_change(variants: Variants) -> BoolArray:
+    """Return which variants may have change points."""
+    base = variants.base
+    structure = base.structure
+    linkages = variants.linkages
+    if linkages is not None and all(linkage.is_searched for linkage in linkages):
+        return np.array([bool(linkage.change_points) for linkage in linkages])
+    candidates: BoolArray = (variants.numbers == np.array(base.numbers)[:, None]).all(axis=0)
+    if len(variants) == 1 and candidates[0]:
+        return candidates
+    are_all = linkages is not None
+    for point in base.change_points.points:
+        are_all |= not base.blocks[point.block - 1].is_driven
+    with np.errstate(all='ignore'):
+        for k, block in enumerate(base.blocks):
+            if block.is_driven:
+                terms, constant = path_terms(structure, structure.dyad_loop(k), *variants.vectors)
+                crank, link_a, link_b = (abs(terms[j]) for j in (0, *block.unknowns))
+                ground = abs(constant)
+                rounding = CONTACT_ROUNDING * (ground + crank + link_a + link_b)
+                folded = abs(abs(ground - crank) - abs(link_a - link_b))
+                stretched = abs(link_a + link_b - ground - crank)
+                candidates = candidates | (np.minimum(folded, stretched) <= rounding)
+        if are_all:
+            candidates = candidates | _have_dips(variants)
+    for linkage, candidate in zip(linkages or (), candidates, strict=False):
+        if not candidate:
+            linkage.rule_out_change_points()
+    return candidates
+
+
+def _have_dips(variants: Variants) -> BoolArray:
+    """Return which variants have a dyad whose discriminant may touch 0 where it is least."""
+    candidates: BoolArray = np.zeros(len(variants), dtype=bool)
+    alphas = (variants.base.reference + np.arange(0.0, TURN, SCREENING_STEP))[None, :]
+    solver = Blockwise(variants)
+    u = solver.place(alphas)
+    for block in solver.blocks:
+        if not block.is_driven and block.two_branches:
+            dyad = block.dyad_solver
+            p = dyad.discriminant(dyad.span(u, block.closure_vector(u) + 0.0 * u[0]))
+            before = np.roll(p, 1, axis=1)
+            after = np.roll(p, -1, axis=1)
+            is_dip = (p <= before) & (p <= after) & (p <= 0.25 * (before - 2.0 * p + after))
+            candidates |= is_dip.any(axis=1)
+    return candidates
+
+
 def fill_blockwise(
-    variants: Variants, rows: slice, alphas: AnyArray, results: LinkagePoses
+    variants: Variants,
+    rows: slice,
+    alphas: AnyArray,
+    results: LinkagePoses,
+    linkage: Linkage | None = None,
 ) -> None:
     """Compute and store the poses of some of the variants, of one with coupled loops."""
     angles = np.asarray(alphas, dtype=np.float64)[None, :]
     within = np.abs(angles) <= MAX_CRANK_ANGLE
     refused = variants.refused[rows]
     try:
-        linkages = None if refused.all() else Blockwise(variants, rows)
+        linkages = None if refused.all() else Blockwise(variants, rows, linkage)
     except GeometryError:
         linkages = None
         refused = np.ones(1, dtype=bool)

@@ -8,14 +8,14 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import AnyArray, FloatArray
 from klann_ros.kinematics.klann import KlannGeometry
 from klann_ros.kinematics.linkage import joints
-from klann_ros.kinematics.linkage.linkage import as_linkage
+from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.linkage.variants import Variants
 from klann_ros.kinematics.validation import real_array
 from klann_ros.sanitize.units import warn_of_degrees
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .blockwise import fill_blockwise
+from .blockwise import changing_linkages, fill_blockwise
 from .dyads import BLOCK_SIZE, PinnedDyads
 from .kernels import choose_kernel
 from .results import LinkagePoses, part_of
@@ -234,19 +234,33 @@ def _fill(
     """
     pinned = PinnedDyads(variants, results, kernel) if variants.base.two_circles else None
     is_dyadic = variants.base.is_dyadic
+    changing = changing_linkages(variants) if is_dyadic else {}
     done = 0
     total = results.reason.size
     # Missing poses become NaN on the way; the reasons are computed from these.
     with np.errstate(all='ignore'):
         for rows, columns in _blocks(len(variants), alphas.size, one_by_one=not is_dyadic):
-            if pinned is not None:
-                pinned.fill(rows, columns, alphas)
-            else:
-                block = part_of(results, rows, columns)
-                fill_blockwise(variants, rows, alphas[columns], block)
+            for part, linkage in _parts(rows, changing):
+                if pinned is not None and linkage is None:
+                    pinned.fill(part, columns, alphas)
+                else:
+                    block = part_of(results, part, columns)
+                    fill_blockwise(variants, part, alphas[columns], block, linkage)
             done += (rows.stop - rows.start) * (columns.stop - columns.start)
             if progress is not None:
                 progress(done, total)
+
+
+def _parts(rows: slice, changing: Mapping[int, Linkage]) -> Iterator[tuple[slice, Linkage | None]]:
+    """Yield the rows of linkages with change points one by one, the others together."""
+    start = rows.start
+    for i in sorted(i for i in changing if rows.start <= i < rows.stop):
+        if start < i:
+            yield slice(start, i), None
+        yield slice(i, i + 1), changing[i]
+        start = i + 1
+    if start < rows.stop:
+        yield slice(start, rows.stop), None
 
 
 def _blocks(legs: int, angles: int, *, one_by_one: bool) -> Iterator[tuple[slice, slice]]:

@@ -13,12 +13,12 @@ from typing import Any
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
 from klann_ros.kinematics.errors import GeometryError, KinematicsError
-from klann_ros.kinematics.linkage.reach import is_driven, reachable_arcs
+from klann_ros.kinematics.linkage.reach import reachable_arcs
 from klann_ros.kinematics.linkage.variants import Variants
 from klann_ros.kinematics.searches import minimum_near, parabola_peak
 import numpy as np
 
-from .blockwise import Blockwise
+from .blockwise import Blockwise, changing_linkages
 from .kernels import NumpyKernel
 from .program import compile_program, constants, PathTerms
 
@@ -42,12 +42,13 @@ def turn_clearances(variants: Variants) -> FloatArray:
     if not variants.base.is_dyadic:
         signs = [_signed_turn(variants, i) for i in range(len(variants))]
         return np.array(signs)[:, None]
+    changing = changing_linkages(variants)
     slides = variants.base.structure.slides
     search = _SlidingClearances(variants) if slides else _PinnedClearances(variants)
     clearances = np.full((len(variants), len(variants.base.blocks)), np.nan)
     closing = np.arange(len(variants))
     for k, block in enumerate(variants.base.blocks):
-        if isinstance(search, _PinnedClearances) and is_driven(block):
+        if isinstance(search, _PinnedClearances) and block.is_driven:
             smallest = search.driven(k)[closing]
         else:
             smallest = search.smallest(k, closing)
@@ -55,6 +56,9 @@ def turn_clearances(variants: Variants) -> FloatArray:
         closing = closing[smallest >= 0.0]
         if not len(closing):
             break
+    for i, linkage in changing.items():
+        # Signs change along the path.
+        clearances[i] = linkage.change_points.clearances
     return clearances
 
 
@@ -64,7 +68,7 @@ def driven_clearances(variants: Variants) -> FloatArray:
     if variants.base.two_circles:
         search = _PinnedClearances(variants)
         for k, block in enumerate(variants.base.blocks):
-            if is_driven(block):
+            if block.is_driven:
                 smallest = np.fmin(smallest, search.driven(k))
     return smallest
 

@@ -20,6 +20,7 @@ from klann_ros.kinematics.validation import whole_number
 from klann_ros.sanitize.text import refusal
 import numpy as np
 
+from .blockwise import changing_linkages
 from .kernels import choose_kernel
 from .poses import linkage_poses
 from .program import compile_program, constants, PathTerms
@@ -53,7 +54,7 @@ def whole_turns(
     if not isinstance(variants, Variants):
         raise TypeError(refusal('variants', variants, 'Variants of a linkage'))
     alphas = np.arange(whole_number('count', count, 1), dtype=np.float64) * (TURN / count)
-    if variants.base.two_circles:
+    if variants.base.two_circles and not changing_linkages(variants):
         return _pinned_turns(variants, alphas, choose_kernel(kernel, len(variants) * count), box)
     poses: Any = linkage_poses(
         variants, alphas, velocities=True, transmission_angles=True, points=box, kernel=kernel

@@ -99,7 +99,7 @@ class FootPath:
         """
         if self.full_turn:
             # The trapezoidal rule converges geometrically for periodic functions.
-            return TURN * float(np.hypot(*self._tracks[0].h_1.T).mean())
+            return self._width * float(np.hypot(*self._tracks[0].h_1.T).mean())
         return sum(_arc_length(track) for track in self._tracks)
 
     @cached_property
@@ -115,7 +115,12 @@ class FootPath:
         # About the path's centre: no cancellation far from the origin.
         x, y = (self.h - self.h.mean(axis=0)).T
         x_1, y_1 = self.h_1.T
-        return TURN * float((x * y_1 - y * x_1).mean()) / 2.0
+        return self._width * float((x * y_1 - y * x_1).mean()) / 2.0
+
+    @property
+    def _width(self) -> float:
+        start, end = self.arcs[0]
+        return end - start
 
     def stance(self, ground: float | None = None) -> Stance:
         """Return the stance with the lowest point; parameters and errors as `stances`."""
@@ -136,7 +141,7 @@ class FootPath:
         Raises
         ------
         NoStanceError
-            The foot does not move along x, but for rounding.
+            The foot does not move along x, but for rounding, or is back after several turns.
         ValueError
             `ground` is not finite, or not above rounding: 1e-12 of the leg's size, or 1e-8 where
             the crank does not turn fully.
@@ -149,6 +154,8 @@ class FootPath:
             unit = f' {self.unit}'.rstrip()
             limit = f'it must be finite and at least {rounding:.3g}{unit}'
             raise ValueError(f'ground = {ground!r}{unit} is refused: {limit}')
+        if self._width > 1.5 * TURN:
+            raise NoStanceError(self.stride, round(self._width / TURN))
         if self.stride < rounding:
             raise NoStanceError(self.stride)
         return stances(self._tracks, ground, ROUNDING * self._size)
@@ -206,6 +213,8 @@ def foot_path(
     """
     Return the path of a leg's foot, or of any point, over all reachable crank angles.
 
+    With change points it may be back after several turns of the crank: these are path angles.
+
     Extremes and crank angles are refined between the samples to rounding; the samples only have to
     separate them. At the end of an arc the last digit of the crank angle moves the foot by about
     1e-8 of its size, which limits the accuracy there.
@@ -251,7 +260,9 @@ def foot_path(
     tracked_leg = copy(leg) if point is None else LinkageLeg(_with_foot(leg, point))
     tracked_leg.reset()
     tracks = []
-    for start, end in tracked_leg.reachable_arcs():
+    turns = tracked_leg.linkage.change_points.period if hasattr(leg, 'linkage') else 1
+    for start, turn_end in tracked_leg.reachable_arcs():
+        end = turns * TURN if turn_end - start >= TURN else turn_end
         share = round(samples * (end - start) / TURN)
         track = Track(tracked_leg, Span(start, end), max(MIN_SAMPLES, share))
         if len(track.t) > 1:

@@ -29,14 +29,17 @@ PANELS = 24
 @dataclass(eq=False, repr=False)
 class NoStanceError(KinematicsError):
     """
-    A foot that does not move along x.
+    A foot that does not move along x, or that is back after several turns of the crank.
 
-    `stride` is the path's extent along x, rounding only [m].
+    `stride` is the path's extent along x [m].
     """
 
     stride: float
+    turns: int = 1
 
     def __str__(self) -> str:
+        if self.turns > 1:
+            return f'there is no stance of a turn: the foot is back after {self.turns} turns'
         return f'there is no stance: the foot does not move along x (stride {self.stride:.3g})'
 
 

@@ -50,7 +50,8 @@ class Span:
 
     At the end of an arc a dyad is singular, and the pose changes with the square root of the crank
     angle's distance, which is smooth in t for alpha = start + (end - start) sin^2(t/2). A whole
-    turn has no ends: alpha = start + 2 t.
+    turn, or several after which a linkage with change points is back, have no ends: alpha =
+    start + (end - start) t / pi.
     """
 
     start: float
@@ -64,7 +65,7 @@ class Span:
     def alpha(self, t: float) -> float:
         """Return the crank angle [rad]."""
         if self.is_turn:
-            return self.start + 2.0 * t
+            return self.start + self.alpha_1(t) * t
         width = self.end - self.start
         # From the nearer end, to keep the digits of both.
         if t <= pi / 2.0:
@@ -73,7 +74,8 @@ class Span:
 
     def alpha_1(self, t: float) -> float:
         """Return dalpha/dt."""
-        return 2.0 if self.is_turn else (self.end - self.start) / 2.0 * sin(t)
+        width = self.end - self.start
+        return width / pi if self.is_turn else width / 2.0 * sin(t)
 
     def alpha_2(self, t: float) -> float:
         """Return d2alpha/dt2."""
@@ -122,6 +124,12 @@ class Track:
         """Return the solvable crank angle in [0, 2 pi) [rad]."""
         return float(self._pose(t, wrapped=True).crank_angle)
 
+    @property
+    def _turns(self) -> float:
+        """Return the length of a path of several turns, or one turn [rad]."""
+        width = self.span.end - self.span.start
+        return width if width > 1.5 * TURN else TURN
+
     def slopes(self, s: Coordinate) -> FloatArray:
         """Return ds/dalpha at the samples, shape (k,)."""
         return s.derivative(self.h, self.h_1)
@@ -161,8 +169,12 @@ class Track:
         inward = 1.0 if t < pi / 2.0 else -1.0
         for offset in END_OFFSETS:
             solvable = alpha + inward * offset
+            if self._turns > TURN:
+                # Path angles, not the crank's next ones.
+                self._leg.reset()
             try:
-                return self._leg.solve(wrap_positive(solvable) if wrapped else solvable)
+                number = wrap_positive(solvable, self._turns) if wrapped else solvable
+                return self._leg.solve(number)
             except KinematicsError as caught:
                 error = caught
                 if self.span.is_turn:

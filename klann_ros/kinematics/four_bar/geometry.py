@@ -5,7 +5,9 @@ from functools import cached_property
 from typing import ClassVar
 
 from klann_ros.kinematics import validation
+from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.errors import GeometryError
+from klann_ros.kinematics.linkage.change_points import COURSES, PARALLEL, SAME_ANGLE
 from klann_ros.kinematics.linkage.linkage import Linkage, NamedGeometry
 from klann_ros.kinematics.linkage.reach import length_rounding
 from klann_ros.kinematics.linkage.structure import Bar, Body, Dimension, Structure
@@ -43,14 +45,19 @@ class FourBarGeometry(NamedGeometry):
     ground, crank, coupler, rocker : float
         L1, L2, L3 and L4 [m], > 0.
     assembly : int
-        The sign (+1 or -1) of sin(theta4 - theta3). At a change point of class III both assemblies
-        meet: it is the sign on either side, and not the motion through it.
+        The sign (+1 or -1) of sin(theta4 - theta3), in class III that just after theta2 = 0: at
+        its change points two motions meet, and the sign changes.
+    at_change_points : str
+        How it goes on there: 'parallel', along the tangent, so that a parallelogram stays one;
+        'crossed', along the tangent of the other motion, the antiparallelogram; or 'sign', with
+        the same sign, so that the motion turns back.
 
     Raises
     ------
     GeometryError
         A length is not a finite number, not positive or beyond all measure, the assembly is not
-        +1 or -1, or one link is as long as the other three together. A ValueError.
+        +1 or -1, `at_change_points` none of these, or one link is as long as the other three
+        together. A ValueError.
 
     """
 
@@ -61,6 +68,7 @@ class FourBarGeometry(NamedGeometry):
     coupler: float
     rocker: float
     assembly: int = 1
+    at_change_points: str = PARALLEL
 
     def __post_init__(self) -> None:
         for name in LENGTHS:
@@ -69,6 +77,7 @@ class FourBarGeometry(NamedGeometry):
             validation.check_length(name, getattr(self, name), unit='')
             validation.check_magnitude(name, getattr(self, name), unit='')
         object.__setattr__(self, 'assembly', validation.assembly_signs((self.assembly,), 1)[0])
+        validation.choice('at_change_points', self.at_change_points, COURSES)
         longest = max(self.lengths)
         sum_of_others = sum(sorted(self.lengths)[:3])
         if longest >= sum_of_others - length_rounding(self.lengths):
@@ -87,8 +96,17 @@ class FourBarGeometry(NamedGeometry):
     @cached_property
     def linkage(self) -> Linkage:
         """Return the four-bar as a linkage, the form that is solved."""
-        return Linkage(STRUCTURE, self.lengths, assembly=(self.assembly,), name='Four-bar')
+        return Linkage(
+            STRUCTURE,
+            self.lengths,
+            assembly=(self.assembly,),
+            at_change_points=self.at_change_points,
+            name='Four-bar',
+        )
 
     def mirrored(self) -> 'FourBarGeometry':
         """Return the four-bar mirrored in its ground: every angle has the other sign."""
-        return replace(self, assembly=-self.assembly)
+        # The sign before a change point at theta2 = 0 is the mirror's after it.
+        points = self.linkage.change_points.points
+        changes = any(abs(wrap(point.beta)) <= SAME_ANGLE for point in points)
+        return replace(self, assembly=self.assembly if changes else -self.assembly)

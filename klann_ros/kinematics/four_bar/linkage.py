@@ -11,7 +11,7 @@ from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 from klann_ros.kinematics.batch.poses import linkage_poses
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage import pose
-from klann_ros.kinematics.linkage.dyads import TANGENCY_TOLERANCE
+from klann_ros.kinematics.linkage.change_points import PARALLEL
 from klann_ros.kinematics.linkage.leg import Leg
 from klann_ros.kinematics.linkage.reach import crank_limits, triangle_angle
 from klann_ros.sanitize.text import did_you_mean
@@ -191,10 +191,12 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
     ground, crank, coupler, rocker : float
         L1, L2, L3 and L4 [m], > 0.
     assembly : int
-        The sign (+1 or -1) of sin(theta4 - theta3); +1 is the open one. At a change point of
-        class III both assemblies meet: it is the sign on either side, and not the motion through
-        it. So `FourBar(2, 1, 2, 1)` is a parallelogram up to 180 deg, and an antiparallelogram
-        from there to 360 deg.
+        The sign (+1 or -1) of sin(theta4 - theta3); +1 is the open one. In class III it is that
+        just after theta2 = 0.
+    at_change_points : str
+        How it goes on at the change points of class III: see `FourBarGeometry`. So
+        `FourBar(2, 1, 2, 1)` is a parallelogram all the way round, its other assembly, and
+        'crossed', an antiparallelogram.
     tolerance, max_crank_step : float
         As for every `Leg` [rad].
 
@@ -215,9 +217,12 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         coupler: float,
         rocker: float,
         assembly: int = 1,
+        *,
+        at_change_points: str = PARALLEL,
         **settings: float,
     ) -> None:
-        self._geometry = FourBarGeometry(ground, crank, coupler, rocker, assembly)
+        lengths = ground, crank, coupler, rocker
+        self._geometry = FourBarGeometry(*lengths, assembly, at_change_points)
         super().__init__(self._geometry.linkage, **settings)
 
     def __repr__(self) -> str:
@@ -248,7 +253,8 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         lengths = self._geometry.lengths
         ground, crank, coupler, rocker = lengths[first:] + lengths[:first]
         tolerance, max_crank_step, _ = self._settings
-        settings = {'tolerance': tolerance, 'max_crank_step': max_crank_step}
+        settings: dict[str, Any] = {'tolerance': tolerance, 'max_crank_step': max_crank_step}
+        settings['at_change_points'] = self._geometry.at_change_points
         sign = self._geometry.assembly if assembly is None else assembly
         return FourBar(ground, crank, coupler, rocker, sign, **settings)
 
@@ -351,7 +357,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         (dyad,) = self.linkage.blocks
         geometry = self._geometry
         to_a = geometry.ground - rect(geometry.crank, theta2)
-        if -dyad.dyad_solver.clearance(to_a) > TANGENCY_TOLERANCE * dyad.rounding:
+        if -dyad.dyad_solver.clearance(to_a) > dyad.dyad_solver.dyad.contact_rounding:
             pose.closed_form_vectors(self.linkage, theta2)  # whose error has the missing length
         return float(triangle_angle(geometry.coupler, geometry.rocker, abs(to_a)))
 

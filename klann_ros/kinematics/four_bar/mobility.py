@@ -20,9 +20,9 @@ class Roles(NamedTuple):
     The role of each link: 'fixed', 'rotates' or 'oscillates'.
 
     A link rotates if there is a motion of the linkage in which it turns fully against the fixed
-    one. That includes motions through the change points of class III, where the assembly changes:
-    there the two assemblies meet, and `assembly` is the sign and not the motion. So the rocker of
-    `FourBar(2, 1, 2, 1)` rotates, although the sign leads it back at 180 deg.
+    one. That includes motions through the change points of class III, where the sign changes: so
+    the rocker of `FourBar(2, 1, 2, 1)` rotates. With `at_change_points='sign'` the motion turns
+    back there.
     """
 
     ground: str
@@ -226,12 +226,14 @@ def _crank_dead_points(lengths: Lengths) -> Iterator[DeadPoint]:
 
 def _rocker_dead_points(geometry: FourBarGeometry) -> Iterator[DeadPoint]:
     """Yield the dead points of the rocker in this assembly, at most one for each kind."""
+    linkage = geometry.linkage
     for point in _crank_dead_points(_reversed_lengths(geometry)):
         theta2 = copysign(pi - abs(point.theta4), point.theta4)
         theta3 = wrap(-point.theta3)
         theta4 = copysign(pi - abs(point.theta2), point.theta2)
-        # Each assembly has one of the two sides of the ground.
-        if sin(theta4 - theta3) * geometry.assembly > 0.0:
+        # Each assembly has one of the two sides of the ground; through change points both.
+        signs = linkage.signs_over_turns(theta2)
+        if any(sin(theta4 - theta3) * sign > 0.0 for (sign,) in signs):
             yield DeadPoint('rocker', theta4, point.kind, theta2, theta3, theta4)
 
 

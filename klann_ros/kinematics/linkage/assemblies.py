@@ -126,13 +126,12 @@ def _poses_of_dyads(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
         # A dyad that fails does so whatever the signs of later dyads are.
         if failed and signs[: len(failed) - 1] == failed[:-1]:
             continue
-        assembled = linkage.in_assembly(signs)
         try:
-            u = closed_form_vectors(assembled, alpha)
+            u = closed_form_vectors(linkage, alpha, signs)
         except errors.UnreachableError as error:
             failed = signs[: error.dyad]
             continue
-        yield closed_pose(assembled, u, alpha)
+        yield closed_pose(linkage.in_assembly(signs, alpha), u, alpha)
 
 
 def _poses_of_coupled_loops(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:

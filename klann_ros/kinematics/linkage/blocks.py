@@ -10,6 +10,7 @@ The determinant of that step over the product of the columns' lengths is the sin
 between the links of a dyad, and stands for it where loops are coupled.
 """
 
+from cmath import phase
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -49,6 +50,24 @@ class Block:
     def is_dyad(self) -> bool:
         """Return whether it is one loop of two bodies that are placed without iteration."""
         return len(self.rows) == 1
+
+    @property
+    def is_driven(self) -> bool:
+        """Return whether it is a dyad of two links whose ends the crank alone moves."""
+        return self.is_dyad and not self.slides and {0, *self.unknowns} == self.rows[0][0].keys()
+
+    @property
+    def four_bar_lengths(self) -> tuple[float, float, float, float]:
+        """Return the ground, crank and links of a dyad that the crank alone drives [m]."""
+        terms, constant = self.rows[0]
+        a, b = self.unknowns
+        return abs(constant), abs(terms[0]), abs(terms[a]), abs(terms[b])
+
+    @property
+    def ground_angle(self) -> float:
+        """Return the crank angle at which the crank points to the fixed end [rad]."""
+        terms, constant = self.rows[0]
+        return self.structure.senses[0] * phase(-constant / terms[0])
 
     @cached_property
     def slides(self) -> bool:

@@ -49,8 +49,9 @@ def dyad_joint(p: Point, q: Point, r_p: float, r_q: float, sign: int) -> Point |
 
 # Rounding of a loop, as a part of its longest vector.
 RELATIVE_ROUNDING = 8.0 * float_info.epsilon
-# Tangency tolerance, as a part of a loop's rounding.
-TANGENCY_TOLERANCE = 0.75
+# What misses by less, as a part of a loop's longest vector, touches: the one tolerance of placing,
+# arcs, change points and Grashof's law.
+CONTACT_ROUNDING = 16.0 * float_info.epsilon
 
 
 class Dyad(NamedTuple):
@@ -74,6 +75,11 @@ class Dyad(NamedTuple):
     def rounding(self) -> Any:
         """Return the rounding of the loop [m]."""
         return RELATIVE_ROUNDING * self.length
+
+    @property
+    def contact_rounding(self) -> Any:
+        """Return the tolerance of a contact [m]."""
+        return CONTACT_ROUNDING * self.length
 
     @property
     def slides(self) -> tuple[bool, bool]:
@@ -127,7 +133,7 @@ class TwoCircles:
         meet = dyad_joint((0.0, 0.0), (closure.real, closure.imag), r_a, r_b, sign)
         if meet is not None:
             joint = complex(*meet)
-        elif -self.clearance(closure) <= TANGENCY_TOLERANCE * self.dyad.rounding < abs(closure):
+        elif -self.clearance(closure) <= self.dyad.contact_rounding < abs(closure):
             # In line: a change-point linkage, such as a parallelogram, passes such poses.
             folded_back = abs(closure) < max(r_a, r_b) and r_a < r_b
             joint = (-r_a if folded_back else r_a) * closure / abs(closure)
@@ -140,6 +146,16 @@ class TwoCircles:
         r_a, r_b = self.radii
         d = abs(closure)
         return np.minimum(r_a + r_b - d, d - abs(r_a - r_b))
+
+    def span(self, _: Vectors, closure: Any) -> Any:
+        """Return m, whose length decides whether it closes: see `change_points`."""
+        return closure
+
+    def discriminant(self, span: Any) -> Any:
+        """Return p by m, whose root places the joint [m^4]."""
+        r_a, r_b = self.radii
+        d = abs(span) ** 2
+        return ((r_a + r_b) ** 2 - d) * (d - (r_a - r_b) ** 2)
 
     def is_too_far(self, closure: Any) -> Any:
         """Return whether it is too far, rather than too near, for it to close."""
@@ -164,6 +180,10 @@ class _SlidingDyad:
 
     def __init__(self, dyad: Dyad) -> None:
         self.dyad = dyad
+
+    def span(self, _: Vectors, closure: Any) -> Any:
+        """Return m, whose length decides whether it closes: see `change_points`."""
+        return closure
 
     def is_too_far(self, closure: Any) -> Any:
         """Return whether it is too far, rather than too near, for it to close."""
@@ -200,9 +220,16 @@ class CircleAndLine(_SlidingDyad):
 
     def clearance(self, closure: Any, u: Vectors = ()) -> Any:
         """Return the excess of the link's length over its distance to the line [m]."""
+        return self.scale - abs(self.span(u, closure))
+
+    def span(self, u: Vectors, closure: Any) -> Any:
+        """Return q, the distance of the link's end from the line [m]."""
         rotation = carrier_rotation(self.dyad.structure, u, self._slider)
-        line = self.dyad.terms[self._slider] * rotation
-        return self.scale - abs((closure * np.conj(line)).imag)
+        return (closure * np.conj(self.dyad.terms[self._slider] * rotation)).imag
+
+    def discriminant(self, span: Any) -> Any:
+        """Return p by q, whose root places the slider [m^2]."""
+        return self.scale**2 - span**2
 
     def is_too_far(self, closure: Any) -> Any:
         """Return whether it is too far, rather than too near, for it to close."""
@@ -240,6 +267,10 @@ class LineOnLink(_SlidingDyad):
         """Return the excess of the end's distance from the link's pivot over the line's [m]."""
         return abs(closure) - abs(self._c.imag)
 
+    def discriminant(self, span: Any) -> Any:
+        """Return p by M, whose root places the slider [m^2]."""
+        return abs(span) ** 2 - self._c.imag**2
+
     def column_lengths(self, closure: Any) -> Any:
         """Return the product of its columns' lengths [m]."""
         return abs(closure)
@@ -272,6 +303,10 @@ class TwoLines(_SlidingDyad):
         """Return infinity: two lines always meet."""
         return np.full(np.shape(closure), np.inf)[()]
 
+    def discriminant(self, span: Any) -> Any:
+        """Return p: two lines meet in one way."""
+        return np.ones(np.shape(span))
+
     def column_lengths(self, _: Any) -> float:
         """Return the product of its columns' lengths."""
         return 1.0
@@ -299,7 +334,7 @@ def _ordered(dyad: Dyad, link: Any, slider: Any) -> tuple[Any, Any]:
 def _clamped_root(dyad: Dyad, p: Any, q: Any) -> Any:
     """Return the root of p^2 - q^2; NaN where q is longer by more than rounding."""
     excess = p - q
-    is_tangent = (-TANGENCY_TOLERANCE * dyad.rounding <= excess) & (excess < 0.0)
+    is_tangent = (-dyad.contact_rounding <= excess) & (excess < 0.0)
     excess = np.where(is_tangent, 0.0, excess)
     return np.sqrt(np.where(excess < 0.0, np.nan, excess * (p + q)))
 

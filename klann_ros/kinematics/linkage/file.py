@@ -19,6 +19,7 @@ from klann_ros.sanitize.units import warn_of_lengths
 from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse, YamlError
 
 from .assemblies import describe_assemblies, distance_to_assembly, MAX_NAMED, possible_assemblies
+from .change_points import PARALLEL
 from .linkage import Linkage
 from .reach import closes_somewhere
 from .structure import Bar, Body, Brace, Structure
@@ -196,6 +197,7 @@ def _linkage(content: Any) -> Linkage:
         numbers,
         # With a start it is first in any assembly: the numbers are checked before the start.
         assembly=signs if start is None and len(signs) == count else (1,) * count,
+        at_change_points=content.get('at_change_points', PARALLEL),
         name=content['name'],
         source=content.get('source', ''),
     )

@@ -17,9 +17,9 @@ import numpy as np
 from .assemblies import assembly_poses
 from .branch import BRANCH_STEP
 from .linkage import Linkage
-from .pose import closed_form_vectors, closed_pose, initial_guess, LinkageMotion, LinkagePose
+from .pose import initial_guess, LinkageMotion, LinkagePose, path_pose
 from .reach import reachable_arcs
-from .step import step_functions
+from .step import step_functions, StepFunctions
 
 # Below this part of |dH/dalpha| the component along a direction is rounding.
 MIN_COMPONENT_RATIO = 8.0 * float_info.epsilon
@@ -86,8 +86,13 @@ class Leg(Generic[PoseT, MotionT]):
 
     def _make(self) -> None:
         functions = step_functions(self._linkage, self.pose_class)
+        # By the signs along the path of a linkage with change points.
+        self._on_path: dict[tuple[int, ...], StepFunctions] = {}
         self._correct = functions.correct
         self._predict = functions.predict
+        if self._linkage.change_points:
+            # Every pose is one along the path.
+            self._predict = _no_pose
         self._velocity = functions.velocity
         self._acceleration = functions.acceleration
 
@@ -100,7 +105,7 @@ class Leg(Generic[PoseT, MotionT]):
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the functions: `__setstate__` makes them."""
         state = dict(self.__dict__)
-        for name in ('_correct', '_predict', '_velocity', '_acceleration'):
+        for name in ('_correct', '_predict', '_velocity', '_acceleration', '_on_path'):
             del state[name]
         return state
 
@@ -143,7 +148,9 @@ class Leg(Generic[PoseT, MotionT]):
         Return the pose at a crank angle by Newton-Raphson, warm started from the last pose.
 
         A large step of the crank is split; the pose is always on the assembly branch. A solve
-        that fails leaves the last good pose as it was.
+        that fails leaves the last good pose as it was. Of a linkage with change points that is
+        not back after a turn the path goes on from the last pose, over the wrap of a turn too;
+        the first pose, and one after a jump of more than a turn, are those of `closed_form`.
 
         Parameters
         ----------
@@ -171,7 +178,11 @@ class Leg(Generic[PoseT, MotionT]):
                 if pose is not None and pose[5][0] == pose[5][0]:
                     self._last = pose
                     return pose  # type: ignore[no-any-return]  # of its class
-        self._last = pose = self._follow_branch(crank_angle(alpha), last)
+        alpha = crank_angle(alpha)
+        if self._linkage.change_points:
+            self._last = pose = self._follow_path(alpha, last)
+        else:
+            self._last = pose = self._follow_branch(alpha, last)
         return pose  # type: ignore[no-any-return]  # of its class
 
     def _follow_branch(self, alpha: float, last: Any) -> Any:
@@ -198,6 +209,38 @@ class Leg(Generic[PoseT, MotionT]):
             raise errors.NotConvergedError(alpha, np.array([guess]), reason)
         return pose
 
+    def _follow_path(self, alpha: float, last: Any) -> Any:
+        """
+        Return the pose at a crank angle of a linkage with change points, along its path.
+
+        The path angle follows the crank from the last pose, the wrap of a turn included. Without
+        a last pose, and after a jump of more than a turn, it is the crank angle.
+        """
+        tolerance, max_crank_step, _ = self._settings
+        linkage = self._linkage
+        turns = 0
+        if last is not None and abs(alpha - last[0]) <= TURN + max_crank_step:
+            wraps = round((alpha - last[0] - remainder(alpha - last[0], TURN)) / TURN)
+            turns = (last.turns - wraps) % linkage.change_points.period
+        beta = alpha + turns * TURN
+        pose = None
+        if linkage.interpolated(beta) is None:
+            signs = linkage.signs(beta)
+            if signs not in self._on_path:
+                self._on_path[signs] = step_functions(linkage, self.pose_class, signs)
+            step = 0.0 if last is None else remainder(alpha - last[0], TURN)
+            limits = tolerance, MAX_ITERATIONS
+            if last is not None and abs(step) <= max_crank_step:
+                args = alpha, step, last.x, last.coefficients, *limits
+                pose = self._on_path[signs].predict(*args)
+            if pose is None:
+                guess = initial_guess(linkage, beta)
+                pose = self._on_path[signs].correct(alpha, guess, *limits)
+        if pose is None:
+            # Near a change point Newton-Raphson has no way of its own.
+            return self.pose_class(*path_pose(linkage, alpha, turns))
+        return pose._replace(turns=turns) if turns else pose
+
     def _take_steps(self, alpha: float, step: float, last: Any) -> Any:
         """Return the pose at a crank angle, a step from the last; None if a part fails."""
         tolerance, max_crank_step, _ = self._settings
@@ -217,12 +260,12 @@ class Leg(Generic[PoseT, MotionT]):
         """
         Return the pose at a crank angle by the geometric method; it neither reads nor sets `last`.
 
-        Coupled loops have no closed form: theirs is the nearest pose of their branch, refined.
+        Coupled loops have no closed form: theirs is the nearest pose of their branch, refined. Of
+        a linkage with change points `alpha` is the path angle, with its whole turns.
         Errors as for `solve`, but NotConvergedError.
         """
         alpha = crank_angle(alpha)
-        pose = closed_pose(self._linkage, closed_form_vectors(self._linkage, alpha), alpha)
-        return self.pose_class(*pose)  # type: ignore[return-value]  # of its class
+        return self.pose_class(*path_pose(self._linkage, alpha))  # type: ignore[return-value]  # of its class
 
     def reachable_arcs(self) -> list[Arc]:
         """
@@ -288,6 +331,12 @@ class Leg(Generic[PoseT, MotionT]):
             self._check_pose(pose)
         if isnan(pose.coefficients[0]):
             raise errors.SingularPoseError(pose.crank_angle)
+        if self._linkage.change_points:
+            # The motion goes on through a change point, but no other dimensions have one.
+            u = pose.vectors
+            for block in self._linkage.blocks:
+                if abs(block.sine(u)) <= block.singular_sine:
+                    raise errors.SingularPoseError(pose.crank_angle)
         x_gradient, h_gradient = self._linkage.derivatives(pose.crank_angle, pose.x)
         return LinkagePoses(
             np.array(pose.h),
@@ -323,6 +372,13 @@ class Leg(Generic[PoseT, MotionT]):
         """
         velocity = self.velocity(pose, alpha_rate)
         validation.check_rate('alpha_acceleration', alpha_acceleration)
+        interpolated = self._linkage.interpolated(pose.crank_angle + pose.turns * TURN)
+        if interpolated is not None:
+            x_2 = alpha_rate**2 * interpolated.x_2 + alpha_acceleration * interpolated.x_1
+            accelerations = alpha_acceleration, *x_2.tolist()
+            interpolation: Any = self.motion_class(accelerations, (0.0, 0.0), pose, velocity)
+            h = interpolation.points[self._linkage.foot].tolist()
+            return interpolation._replace(h=tuple(h))  # type: ignore[no-any-return]
         state = pose.crank_angle, pose.x, pose.coefficients, alpha_rate, alpha_acceleration
         motion: Any = self.motion_class._make((*self._acceleration(*state), pose, velocity))
         return motion  # type: ignore[no-any-return]  # of its class
@@ -511,6 +567,10 @@ class Leg(Generic[PoseT, MotionT]):
             array.setflags(write=False)
         units = tuple(body.unit for body in self._linkage.structure.bodies[1:])
         return Iterations(crank_angle(alpha), self.joint_names[1:], units, x, f, phi)
+
+
+def _no_pose(*_: Any) -> None:
+    """Return no pose."""
 
 
 class LinkageLeg(Leg[LinkagePose, LinkageMotion]):

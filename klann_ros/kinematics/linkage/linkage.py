@@ -16,6 +16,7 @@ import numpy as np
 
 from . import joints
 from .branch import Branch
+from .change_points import ChangePoints, COURSES, InterpolatedPose, PARALLEL
 from .dimension_derivatives import vector_derivatives
 from .equations import LoopEquations, path_terms, real_rows, term_matrix
 from .structure import dimension_places, GROUND, Structure
@@ -43,6 +44,14 @@ class Linkage(LoopEquations):
         An angle for every body, the crank's first [rad]: at the crank's, Newton-Raphson starts
         from the others. It leads to the assembly, if none is given, and to the branch of coupled
         loops.
+    at_change_points : str
+        How it goes on at change points, where a dyad is in line and two motions meet: 'parallel',
+        along the tangent; 'crossed', along the tangent of the other motion, on which every dyad
+        with change points has the opposite sign (the antiparallelogram); or 'sign', with the same
+        sign, so that the motion turns back.
+    reference : float, optional
+        The crank angle at which the signs hold, just after it at a change point [rad]: that of
+        the start, or 0.
     name, source : str
         Its name, and the source of its numbers.
 
@@ -61,10 +70,13 @@ class Linkage(LoopEquations):
         *,
         assembly: Sequence[int] | None = None,
         start: Sequence[float] | None = None,
+        at_change_points: str = PARALLEL,
+        reference: float | None = None,
         name: str = '',
         source: str = '',
     ) -> None:
         super().__init__(structure, numbers)
+        self.at_change_points = validation.choice('at_change_points', at_change_points, COURSES)
         self.name = name
         self.source = source
         self.start_guess = None if start is None else tuple(map(float, start))
@@ -73,9 +85,16 @@ class Linkage(LoopEquations):
             if assembly is None
             else validation.assembly_signs(assembly, len(structure.groups))
         )
+        if reference is None:
+            reference = 0.0 if self.start_guess is None else self.start_guess[0]
+        self.reference = reference
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Linkage) and self._key == other._key
+        if not isinstance(other, Linkage):
+            return False
+        # The change points are searched for equal dimensions alone.
+        is_same = self.structure == other.structure and self.numbers == other.numbers
+        return is_same and self._key == other._key
 
     def __hash__(self) -> int:
         return hash((self.structure, self.numbers))
@@ -94,6 +113,8 @@ class Linkage(LoopEquations):
             'numbers': self.numbers,
             'assembly': self.assembly,
             'start': self.start_guess,
+            'at_change_points': self.at_change_points,
+            'reference': self.reference,
             'name': self.name,
             'source': self.source,
         }
@@ -106,7 +127,8 @@ class Linkage(LoopEquations):
     def _key(self) -> tuple[Any, ...]:
         """Return all that its motion depends on; the start matters only for coupled loops."""
         start = None if self.is_dyadic else self.start_guess
-        return self.structure, self.numbers, self.assembly, start
+        branch = (self.at_change_points, self.reference) if self.change_points else ()
+        return self.structure, self.numbers, self.assembly, start, branch
 
     def varied(self, changes: Mapping[str, float] | None = None, **named: float) -> 'Linkage':
         """
@@ -128,9 +150,11 @@ class Linkage(LoopEquations):
         start = () if self.is_dyadic else self.start
         return self._with(numbers=replaced, **self._mode(start, self.assembly))
 
-    def in_assembly(self, assembly: Sequence[int]) -> 'Linkage':
+    def in_assembly(self, assembly: Sequence[int], reference: float | None = None) -> 'Linkage':
         """
         Return the linkage in another assembly mode: see `assemblies`.
+
+        `reference` is the crank angle at which it holds, by default the same [rad].
 
         Raises
         ------
@@ -142,11 +166,16 @@ class Linkage(LoopEquations):
         if not self.is_dyadic:
             msg = 'its loops are coupled: take the linkage of one of its assembly_poses'
             raise GeometryError(msg)
-        return self._with(assembly=assembly, start=None)
+        reference = self.reference if reference is None else reference
+        return self._with(assembly=assembly, start=None, reference=reference)
 
     def from_start(self, start: Sequence[float]) -> 'Linkage':
         """Return the linkage in the assembly of a start: see the parameter."""
-        return self._with(assembly=None, start=start)
+        return self._with(assembly=None, start=start, reference=None)
+
+    def at_every_change_point(self, course: str) -> 'Linkage':
+        """Return the linkage with another course at its change points: see the parameter."""
+        return self._with(at_change_points=course)
 
     def with_foot(self, point: str) -> 'Linkage':
         """
@@ -255,7 +284,39 @@ class Linkage(LoopEquations):
         for b, block in enumerate(self.blocks):
             signs[b] *= 1 if block.slides else -1
         structure = self.structure.mirrored()
-        return self._with(structure=structure, numbers=numbers, **self._mode(start, signs))
+        reference = self.reference
+        if self.is_dyadic and self.change_points:
+            # The signs hold after the reference, which in the mirror is before it.
+            reference = self.change_points.inside(reference)
+        mode = self._mode(start, signs)
+        return self._with(structure=structure, numbers=numbers, reference=-reference, **mode)
+
+    @cached_property
+    def change_points(self) -> ChangePoints:
+        """Return its change points, which decide on the signs along its path; false for none."""
+        return ChangePoints(self)
+
+    @property
+    def is_searched(self) -> bool:
+        """Return whether its change points are known already."""
+        return 'change_points' in vars(self)
+
+    def rule_out_change_points(self) -> None:
+        """Note that it has no change points, which saves the search."""
+        vars(self).setdefault('change_points', ChangePoints(self, is_searched=True))
+
+    def signs(self, beta: float) -> tuple[int, ...]:
+        """Return the sign of each block at a path angle, the unwrapped crank angle [rad]."""
+        return self.change_points.signs(beta) if self.change_points else self.assembly
+
+    def signs_over_turns(self, alpha: float) -> list[tuple[int, ...]]:
+        """Return the signs of the blocks at a crank angle in every turn of its path [rad]."""
+        turns = range(self.change_points.period) if self.change_points else [0]
+        return [self.signs(alpha + turn * TURN) for turn in turns]
+
+    def interpolated(self, beta: float) -> InterpolatedPose | None:
+        """Return the pose at a path angle near a change point; None elsewhere."""
+        return self.change_points.interpolated(beta) if self.change_points else None
 
     @cached_property
     def start(self) -> tuple[float, ...]:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from math import nan
 from typing import Any, NamedTuple
 
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.kinematics.svg import pose_svg
 import numpy as np
@@ -14,12 +15,25 @@ from .linkage import Linkage
 from .structure import Structure
 
 
-def closed_form_vectors(linkage: Linkage, alpha: float) -> list[complex]:
-    """Return the bodies' vectors at a crank angle [rad]; an UnreachableError or LoopsOpenError."""
+def closed_form_vectors(
+    linkage: Linkage, alpha: float, signs: Sequence[int] | None = None
+) -> list[complex]:
+    """
+    Return the bodies' vectors at a path angle [rad]; an UnreachableError or LoopsOpenError.
+
+    `signs` are those of the blocks; by default those of the branch, on which a pose near a change
+    point is interpolated.
+    """
     senses = linkage.structure.senses
+    if signs is None:
+        interpolated = linkage.interpolated(alpha)
+        if interpolated is not None:
+            x = [alpha, *interpolated.x.tolist()]
+            return list(map(complex, joints.body_vectors(linkage.structure, x)))
+        signs = linkage.signs(alpha)
     u = [rect(1.0, senses[0] * alpha), *[0j] * (len(senses) - 1)]
     prefix: list[complex] = []
-    for block, sign in zip(linkage.blocks, linkage.assembly, strict=True):
+    for block, sign in zip(linkage.blocks, signs, strict=True):
         if block.is_dyad:
             a, b = block.unknowns
             u[a], u[b] = block.place(u, alpha, sign)
@@ -89,6 +103,9 @@ class LinkagePose(NamedTuple):
         loops their normalised determinant: see `Block`.
     linkage : Linkage
         The linkage.
+    turns : int
+        Whole turns between the crank angle and the path angle, modulo the period of the branch:
+        0 but for a linkage with change points that is not back after a turn.
 
     """
 
@@ -100,6 +117,7 @@ class LinkagePose(NamedTuple):
     coefficients: tuple[float, ...]
     sines: tuple[float, ...]
     linkage: Linkage
+    turns: int = 0
 
     def __repr__(self) -> str:
         return _format(self, self.linkage)
@@ -201,8 +219,10 @@ def _format(state: LinkagePose | LinkageMotion, linkage: Linkage) -> str:
     return f'{type(state).__name__}({", ".join(numbers)}, h=({x:.7g}, {y:.7g}))'
 
 
-def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> LinkagePose:
-    """Return the pose of body vectors from the geometric method."""
+def closed_pose(
+    linkage: Linkage, u: Sequence[complex], alpha: float, rates: Sequence[float] | None = None
+) -> LinkagePose:
+    """Return the pose of body vectors from the geometric method, with its dx/dalpha if known."""
     structure = linkage.structure
     x = _other_coordinates(structure, u)
     terms, constant = linkage.point_rows[linkage.foot]
@@ -215,10 +235,19 @@ def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> Linkage
         sines.append(sine)
         residual = float(np.hypot(residual, block.closure_error(u)))
         is_singular |= not sine > block.singular_sine
-    rates = (nan,) * len(x)
-    if not is_singular:
-        # Phi dx/dalpha = -df/dalpha
-        x_1 = np.linalg.solve(linkage.phi(alpha, x), -linkage.f_alpha(alpha, x))
-        rates = tuple(x_1.tolist())
+    if rates is None:
+        rates = (nan,) * len(x)
+        if not is_singular:
+            # Phi dx/dalpha = -df/dalpha
+            rates = np.linalg.solve(linkage.phi(alpha, x), -linkage.f_alpha(alpha, x)).tolist()
     h = (foot.real, foot.imag)
-    return LinkagePose(alpha, x, h, 0, residual, rates, tuple(sines), linkage)
+    return LinkagePose(alpha, x, h, 0, residual, tuple(rates), tuple(sines), linkage)
+
+
+def path_pose(linkage: Linkage, alpha: float, turns: int = 0) -> LinkagePose:
+    """Return the pose at a crank angle by the geometric method, some turns along its path."""
+    beta = alpha + turns * TURN
+    interpolated = linkage.interpolated(beta)
+    rates = None if interpolated is None else interpolated.x_1.tolist()
+    pose = closed_pose(linkage, closed_form_vectors(linkage, beta), alpha, rates)
+    return pose._replace(turns=turns)

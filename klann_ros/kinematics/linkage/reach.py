@@ -1,6 +1,5 @@
 """The reach of a linkage's crank: the arcs of crank angles where every loop closes."""
 
-from cmath import phase
 from collections.abc import Callable
 from contextlib import suppress
 from itertools import pairwise
@@ -14,6 +13,7 @@ from klann_ros.kinematics.searches import peak
 import numpy as np
 
 from .blocks import Block
+from .dyads import CONTACT_ROUNDING
 from .linkage import as_linkage, Linkage
 from .pose import closed_form_vectors
 
@@ -53,7 +53,7 @@ def reachable_arcs(linkage: Any) -> list[Arc]:
     if not linkage.is_dyadic:
         arcs = [linkage.branch.arc]
         blocks = tuple(block for block in blocks if block.is_dyad)
-    elif is_driven(blocks[0]):
+    elif blocks[0].is_driven:
         arcs = driven_arcs(blocks[0])
         blocks = blocks[1:]
     if not blocks:
@@ -81,29 +81,20 @@ def closes_somewhere(linkage: Linkage) -> bool:
     # Nearly every linkage closes at one of a few angles; only the others are searched.
     for k in range(8):
         with suppress(UnreachableError, LoopsOpenError):
-            closed_form_vectors(linkage, k * TURN / 8.0)
+            closed_form_vectors(linkage, k * TURN / 8.0, linkage.assembly)
             return True
     return bool(reachable_arcs(linkage))
 
 
-def is_driven(block: Block) -> bool:
-    """Return whether a block is a dyad of two links whose ends the crank alone moves."""
-    terms, _ = block.rows[0]
-    return block.is_dyad and not block.slides and {0, *block.unknowns} == terms.keys()
-
-
 def driven_arcs(block: Block) -> list[Arc]:
     """Return the arcs where a dyad closes that the crank alone drives [rad]."""
-    terms, constant = block.rows[0]
-    a, b = block.unknowns
-    lengths = abs(constant), abs(terms[0]), abs(terms[a]), abs(terms[b])
+    lengths = block.four_bar_lengths
     if not four_bar_closes(lengths):
         return []
-    start, end = crank_limits(lengths) if constant else (0.0, pi)
-    # The crank angle at which the crank points to the fixed end.
-    ground = block.structure.senses[0] * phase(-constant / terms[0])
+    start, end = crank_limits(lengths) if lengths[0] else (0.0, pi)
     if start == 0.0 and end == pi:
         return [(0.0, TURN)]
+    ground = block.ground_angle
     if start == 0.0:
         return [(ground - end, ground + end)]
     if end == pi:
@@ -140,7 +131,7 @@ def crank_limits(lengths: Lengths) -> tuple[float, float]:
 
 def length_rounding(lengths: Lengths) -> float:
     """Return the rounding of a difference of two sums of two lengths [m]."""
-    return 4.0 * float_info.epsilon * max(lengths)
+    return CONTACT_ROUNDING * max(lengths)
 
 
 def _trim_ends(arc: Arc) -> Arc:

@@ -58,7 +58,7 @@ def make(kind, linkage, a0, d0, a1, d1, a2, d2, c0x, c0y, hx, hy, rounding0, ...
             coefficients = (nan, nan, )
         return new(kind, (
             p0, (p1, p2,), (hx + v2x, hy + v2y), iterations,
-            hypot(f0x, f0y), coefficients, (abs(signed0) * inverse0,), linkage,
+            hypot(f0x, f0y), coefficients, (abs(signed0) * inverse0,), linkage, 0,
         ))
     ...
     def velocity(p0, x, coefficients, rate):
@@ -151,7 +151,7 @@ if {singular}:
     {no_coefficients}
 return new(kind, (
     p0, {p}, ({foot}), iterations,
-    hypot({gaps}), coefficients, ({sines},), linkage,
+    hypot({gaps}), coefficients, ({sines},), linkage, 0,
 ))
 """
 # A statement whose body is of one kind alone.
@@ -214,8 +214,11 @@ class StepSource:
     def _coupled(self) -> list[int]:
         return [b for b in self._blocks if self._source.is_coupled(b)]
 
-    def constants(self, linkage: LoopEquations) -> dict[str, float]:
-        """Return the constants of a linkage of this structure."""
+    def constants(
+        self, linkage: LoopEquations, signs: Sequence[int] | None = None
+    ) -> dict[str, float]:
+        """Return the constants of a linkage of this structure, in its assembly or another."""
+        assembly = linkage.assembly if signs is None else signs
         constants = self._vectors.constants(linkage.bars)
         _, foot = linkage.point_rows[linkage.foot]
         for k, (_, constant) in enumerate(linkage.rows):
@@ -224,7 +227,7 @@ class StepSource:
         for b, block in enumerate(linkage.blocks):
             constants[f'rounding{b}'] = block.rounding
             # The determinant's sign, and the limits below which it is rounding, or singular.
-            constants[f'sign{b}'] = linkage.assembly[b] * self._source.sine_sign(b)
+            constants[f'sign{b}'] = assembly[b] * self._source.sine_sign(b)
             constants[f'least{b}'] = -block.rounding_of_sine * block.scale
             constants[f'singular{b}'] = block.singular_sine * block.scale
             constants[f'inverse{b}'] = 1.0 / block.scale
@@ -479,15 +482,17 @@ def _tuple(letter: str, numbers: Iterable[int]) -> str:
 _makers: dict[Structure, tuple[StepSource, Callable[..., Any]]] = {}
 
 
-def step_functions(linkage: LoopEquations, kind: type[tuple[Any, ...]]) -> StepFunctions:
-    """Return the functions of a linkage, for a class of poses."""
+def step_functions(
+    linkage: LoopEquations, kind: type[tuple[Any, ...]], signs: Sequence[int] | None = None
+) -> StepFunctions:
+    """Return the functions of a linkage, for a class of poses; by default in its assembly."""
     structure = linkage.structure
     if structure not in _makers:
         source = StepSource(structure)
         name = f'<klann_ros step {len(_makers)}>'
         _makers[structure] = source, _compile(source.text(source.constants(linkage)), name)
     source, make = _makers[structure]
-    return StepFunctions(*make(kind, linkage, **source.constants(linkage)))
+    return StepFunctions(*make(kind, linkage, **source.constants(linkage, signs)))
 
 
 def _compile(text: str, name: str) -> Callable[..., Any]:

@@ -63,6 +63,10 @@ class Variants:
         self.base = base = as_linkage(base)
         if not isinstance(changes, Mapping):
             raise TypeError(refusal('changes', changes, 'a mapping of dimensions to arrays'))
+        # The linkages that they were made of, if they were.
+        self.linkages: list[Linkage] | None = None
+        # Those with change points by their rows, once they are searched for.
+        self.changing: dict[int, Linkage] | None = None
         places = dimension_places(base.structure.dimensions, changes)
         try:
             arrays = [np.asarray(numbers, dtype=np.float64) for numbers in changes.values()]
@@ -96,6 +100,8 @@ class Variants:
                 raise GeometryError('the linkages are of several structures: give them one by one')
         variants = cls.__new__(cls)
         variants.base = checked[0]
+        variants.linkages = checked
+        variants.changing = None
         variants.numbers = np.array([linkage.numbers for linkage in checked]).T
         variants.signs = np.array([linkage.assembly for linkage in checked], dtype=np.float64).T
         # Each was checked when it was made.
@@ -108,6 +114,8 @@ class Variants:
 
     def __getitem__(self, i: int) -> Linkage:
         """Return one of them; a GeometryError if it is invalid."""
+        if self.linkages is not None:
+            return self.linkages[i]
         changes = dict(zip(self.base.dimensions, self.numbers[:, i].tolist(), strict=True))
         linkage = self.base.varied(changes)
         signs = tuple(self.signs[:, i].astype(int).tolist())

@@ -7,7 +7,15 @@ import tracemalloc
 from typing import Any
 
 from hypothesis import given, settings, strategies as st
-from klann_ros.kinematics import KinematicsError, klann_poses, KlannGeometry, KlannLeg, Leg, Reason
+from klann_ros.kinematics import (
+    KinematicsError,
+    klann_poses,
+    KlannGeometry,
+    KlannLeg,
+    Leg,
+    linkage_poses,
+    Reason,
+)
 from klann_ros.kinematics.batch.dyads import BLOCK_SIZE
 from klann_ros.kinematics.batch.poses import feet, loop_errors
 import numpy as np
@@ -47,7 +55,8 @@ def test_only_crank_angles_up_to_the_limit_have_a_pose(alpha: float, kernel: str
 @both_kernels
 def test_ends_that_coincide_are_too_close(kernel: str) -> None:
     geometry = KlannGeometry(l_ab=0.1, x_d=0.1, y_a=0.0, l_bc=0.35, l_dc=0.35)
-    poses = klann_poses(geometry, [0.0, 1e-300, 1.0], kernel=kernel)
+    linkage = geometry.linkage.at_every_change_point('sign')
+    poses = linkage_poses(linkage, [0.0, 1e-300, 1.0], kernel=kernel)
     assert poses.reason[0] == poses.reason[1] == Reason.DYAD_1_TOO_CLOSE
     assert poses.reason[2] != Reason.DYAD_1_TOO_CLOSE
     assert np.isnan(poses.h[:2]).all()

@@ -42,7 +42,12 @@ def test_the_worst_transmission_angle_is_that_of_many_more_angles(kernel: str) -
 def test_a_singular_pose_has_no_derivative_in_a_turn(kernel: str) -> None:
     # A parallelogram is in line at 0 and at half a turn; up to there its coupler is translated.
     changes = {'O4.x': [0.18], 'O2-A': [0.08], 'A-B': [0.18], 'O4-B': [0.08]}
-    turns = whole_turns(Variants(shipped_linkage('four_bar'), changes), COUNT, kernel=kernel)
+    four_bar = shipped_linkage('four_bar')
+    # Along the tangent it is translated all the way round.
+    turns = whole_turns(Variants(four_bar, changes), COUNT, kernel=kernel)
+    assert np.hypot(*turns.h_1)[0] == pytest.approx(0.08, rel=1e-9)
+    variants = Variants(four_bar.at_every_change_point('sign'), changes)
+    turns = whole_turns(variants, COUNT, kernel=kernel)
     assert turns.transmission_angle[0] < 1e-6
     speed = np.hypot(*turns.h_1)[0]
     half = COUNT // 2

@@ -84,7 +84,7 @@ def test_each_is_that_of_the_leg(name: str) -> None:
 
 
 def test_a_singular_pose_has_no_velocity() -> None:
-    bar = FourBar(2, 1, 2, 1)
+    bar = FourBar(2, 1, 2, 1, at_change_points='sign')
     poses = linkage_poses(bar, [0.0, 1.0, math.pi], velocities=True, transmission_angles=True)
     assert poses.reason.tolist() == [0, 0, 0]
     assert np.isnan(poses.h_1[:, 0]).tolist() == [True, False, True]

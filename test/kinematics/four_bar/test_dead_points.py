@@ -94,7 +94,7 @@ def test_the_rocker_stands_still_at_its_limits_in_this_assembly(bar: FourBar) ->
 @untimed
 @given(bar=four_bars())
 def test_the_other_assembly_has_the_mirrored_dead_points(bar: FourBar) -> None:
-    mirrored = FourBar(*bar.geometry.lengths, -bar.geometry.assembly)
+    mirrored = FourBar(*bar.geometry.lengths, bar.geometry.mirrored().assembly)
     for driver in ('crank', 'rocker'):
         ours = sorted((point.kind, -point.angle) for point in bar.dead_points(driver))
         theirs = sorted((point.kind, point.angle) for point in mirrored.dead_points(driver))
