@@ -5,12 +5,16 @@ from typing import Any, NamedTuple
 from klann_ros.kinematics import (
     as_linkage,
     body_vectors,
+    differences,
     Linkage,
     linkage_poses,
     real_array,
+    SAME_ANGLE,
     solve_rates,
+    vector_velocity,
     velocity_product,
 )
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 import numpy as np
 from numpy.typing import ArrayLike
@@ -83,6 +87,14 @@ def body_motion_at(linkage: Linkage, angles: FloatArray, x: FloatArray) -> BodyM
     x_1, u_1 = solve_rates(structure, u, blocks, 1.0)
     bent = velocity_product(structure, u, x_1)
     x_2, u_2 = solve_rates(structure, u, blocks, 0.0, bent=bent)
+    if linkage.change_points:
+        rates = np.array(x_1), np.array(x_2)
+        _through_change_points(linkage, angles, x, rates)
+        x_1, x_2 = map(list, rates)
+        bent = velocity_product(structure, u, x_1)
+        for j in range(len(u)):
+            u_1[j] = vector_velocity(structure, u, x_1, j)
+            u_2[j] = bent[j] + vector_velocity(structure, u, x_2, j)
     senses = np.array(structure.senses)[:, None]
     frames = np.array(structure.frames)
     # The ground does not rotate.
@@ -91,3 +103,16 @@ def body_motion_at(linkage: Linkage, angles: FloatArray, x: FloatArray) -> BodyM
         for rate in (x_1, x_2)
     ]
     return BodyMotion(linkage, angles, u, np.array(u_1), np.array(u_2), *rotation)
+
+
+def _through_change_points(
+    linkage: Linkage, angles: FloatArray, x: FloatArray, rates: tuple[FloatArray, FloatArray]
+) -> None:
+    """Replace dx and d2x by the crank angle near change points by those of the path of x."""
+    points = linkage.change_points
+    for turn in range(points.period):
+        for near, pose in points.interpolated_poses(angles + turn * TURN):
+            is_on_path = (np.abs(differences(linkage, x[:, near].T, pose.x)) < SAME_ANGLE).all(1)
+            indices = np.flatnonzero(near)[is_on_path]
+            for derivatives, interpolation in zip(rates, (pose.x_1, pose.x_2), strict=True):
+                derivatives[1:, indices] = interpolation[is_on_path].T

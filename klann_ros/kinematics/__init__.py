@@ -44,7 +44,8 @@ Files                  `LENGTH_UNITS`, `NUMBER_DIGITS`, `SHIPPED`, `is_linkage`,
                        `linkage_text`, `content_with_numbers`, `schema_error`,
                        `structure_of`
 Structure              `as_linkage`, `Structure`, `Bar`, `body_points`
-Motion of bodies       `body_vectors`, `solve_rates`, `velocity_product`, `cross`
+Motion of bodies       `body_vectors`, `solve_rates`, `vector_velocity`,
+                       `velocity_product`, `cross`, `SAME_ANGLE`, `ChangePoint`
 Parts of batches       `vectors`, `feet`, `loop_errors`, `transmission_angles`,
                        `differences`, `wrapped`, `whole_turns`, `driven_clearances`
 Foot paths             `path_figures`, `SampledPaths`, `periodic_cubics`
@@ -106,6 +107,7 @@ from .klann import (
     PRESETS,
 )
 from .linkage.assemblies import assemblies, assembly_poses
+from .linkage.change_points import ChangePoint, SAME_ANGLE
 from .linkage.dyads import cross
 from .linkage.equations import body_points
 from .linkage.file import (
@@ -123,7 +125,7 @@ from .linkage.file import (
     shipped_linkages,
     structure_of,
 )
-from .linkage.joints import body_vectors, solve_rates, velocity_product
+from .linkage.joints import body_vectors, solve_rates, vector_velocity, velocity_product
 from .linkage.leg import AnyLeg, Leg, LinkageLeg
 from .linkage.linkage import as_linkage, Linkage
 from .linkage.pose import LinkageMotion, LinkagePose
@@ -148,9 +150,11 @@ __all__ = [
     'NUMBERS',
     'NUMBER_DIGITS',
     'PRESETS',
+    'SAME_ANGLE',
     'SHIPPED',
     'AnyLeg',
     'Bar',
+    'ChangePoint',
     'CrankAngleError',
     'DeadPoint',
     'FootPath',
@@ -232,6 +236,7 @@ __all__ = [
     'tolerance_study',
     'transmission_angles',
     'turns_fully',
+    'vector_velocity',
     'vectors',
     'velocity_product',
     'whole_turns',

@@ -137,6 +137,8 @@ class ChangePoints:
         self._cut: float | None = None
         self._signs: list[SignChanges] = []
         self._fits: dict[float, _Fit] = {}
+        # The number of blocks that the branch of coupled loops places.
+        self._branch_blocks = 0
         if linkage.at_change_points != SIGN and not is_searched:
             self._find()
 
@@ -190,6 +192,23 @@ class ChangePoints:
                 centres.append(point.beta)
         return centres
 
+    def continuations(self, point: ChangePoint) -> tuple[FloatArray, FloatArray | None]:
+        """
+        Return the derivatives of the block's coordinates along the path, and on the other motion.
+
+        By the crank angle, the first ones where they differ: as many times as the order says. The
+        other motion of coupled loops is not known.
+        """
+        block = self._linkage.blocks[point.block - 1]
+        bodies = np.array(block.unknowns) - 1
+        derivatives: list[FloatArray] = []
+        for motion in (self._fit(point.beta), self._fit_of(point.beta, point.block)):
+            if motion is None:
+                return derivatives[0], None
+            pose = motion.at(0.0)
+            derivatives.append((pose.x_1 if point.order == 1 else pose.x_2)[bodies])
+        return derivatives[0], derivatives[1]
+
     def inside(self, beta: float) -> float:
         """Return a path angle, or one just after it, that is no change point [rad]."""
         ends = [(centre - beta - SAME_ANGLE) % self._span for centre in self._centres]
@@ -204,26 +223,30 @@ class ChangePoints:
     def _fit(self, centre: float) -> _Fit:
         """Return the interpolated poses around a change point."""
         if centre not in self._fits:
-            radius = NODE_STEP
-            for _ in range(MAX_HALVINGS):
-                fit = _Fit(radius, _FIT @ self._coordinates(centre + radius * NODES))
-                middle = np.array([-0.5, 0.5]) * radius
-                error = fit.at(middle).x - self._coordinates(centre + middle)
-                slides = [body.slides for body in self._linkage.structure.bodies[1:]]
-                error = np.where(slides, error / self._linkage.size, np.sin(error))
-                if np.abs(error).max() <= INTERPOLATION_ERROR:
-                    break
-                radius /= 2.0
-            else:
-                # No motion leads through it.
-                fit = _Fit(-1.0, fit.coefficients)
-            self._fits[centre] = fit
+            # Without a fit no motion leads through it.
+            self._fits[centre] = self._fit_of(centre) or _Fit(-1.0, np.empty(0))
         return self._fits[centre]
 
-    def _coordinates(self, betas: FloatArray) -> FloatArray:
+    def _fit_of(self, centre: float, other: int = 0) -> _Fit | None:
+        """Return the interpolated poses around a point, or those of a dyad's other motion."""
+        if 0 < other <= self._branch_blocks:
+            return None
+        radius = NODE_STEP
+        for _ in range(MAX_HALVINGS):
+            fit = _Fit(radius, _FIT @ self._coordinates(centre + radius * NODES, other))
+            middle = np.array([-0.5, 0.5]) * radius
+            error = fit.at(middle).x - self._coordinates(centre + middle, other)
+            slides = [body.slides for body in self._linkage.structure.bodies[1:]]
+            error = np.where(slides, error / self._linkage.size, np.sin(error))
+            if np.abs(error).max() <= INTERPOLATION_ERROR:
+                return fit
+            radius /= 2.0
+        return None
+
+    def _coordinates(self, betas: FloatArray, other: int = 0) -> FloatArray:
         """Return the other coordinates along path angles, shape (k, n - 1)."""
         structure = self._linkage.structure
-        u = self._vectors(betas, len(self._linkage.blocks))
+        u = self._vectors(betas, len(self._linkage.blocks), other)
         x = [joints.coordinate(structure, u, j) for j in range(1, len(u))]
         return np.stack([np.unwrap(coordinate) for coordinate in x], axis=-1)
 
@@ -231,14 +254,15 @@ class ChangePoints:
 
     def _find(self) -> None:
         linkage = self._linkage
-        branch_blocks = 0 if linkage.is_dyadic else linkage.branch.block
-        if branch_blocks:
+        if not linkage.is_dyadic:
+            self._branch_blocks = linkage.branch.block
+        if self._branch_blocks:
             self.period = linkage.branch.period
             self._cut = linkage.branch.gap
             self.points += linkage.branch.change_points
-            self.clearances += [np.nan] * branch_blocks
+            self.clearances += [np.nan] * self._branch_blocks
             self._signs += linkage.branch.sign_changes
-        for block in linkage.blocks[branch_blocks:]:
+        for block in linkage.blocks[slice(self._branch_blocks, None)]:
             self._add(block)
         self.points = self._path_points()
 
@@ -382,14 +406,17 @@ class ChangePoints:
         solver = block.dyad_solver
         return solver.span(u, closure), solver.clearance(closure, u)
 
-    def _vectors(self, betas: FloatArray, count: int) -> list[Any]:
-        """Return u_j of the bodies in the first blocks at path angles, shape (k,)."""
+    def _vectors(self, betas: FloatArray, count: int, other: int = 0) -> list[Any]:
+        """
+        Return u_j of the bodies in the first blocks at path angles, shape (k,).
+
+        The dyad of number `other` has the opposite sign.
+        """
         linkage = self._linkage
         u: list[Any] = [None] * len(linkage.structure.bodies)
         u[0] = np.exp(1j * linkage.structure.senses[0] * betas)
-        first = 0
-        if not linkage.is_dyadic:
-            first = linkage.branch.block
+        first = self._branch_blocks
+        if first:
             x = np.zeros((len(u), len(betas)))
             x[[*linkage.prefix_bodies]] = [betas, *linkage.branch.angles(betas)]
             u = joints.body_vectors(linkage.structure, [*x])
@@ -397,6 +424,7 @@ class ChangePoints:
             for block in linkage.blocks[first:count]:
                 a, b = block.unknowns
                 signs = self._signs[block.number - 1].signs_at(betas)
+                signs = -signs if block.number == other else signs
                 closure = block.closure_vector(u) + 0.0 * u[0]
                 u[a], u[b] = block.dyad_solver.place(u, closure, signs)
         return u

@@ -57,7 +57,9 @@ def test_driven_by_its_rocker_it_is_the_same_linkage(bar: FourBar, theta2: float
     sine = math.sin(pose.theta2 - pose.theta3)
     assume(abs(sine) > 0.05)
     ground, crank, coupler, rocker = bar.geometry.lengths
-    reverse = FourBar(ground, rocker, coupler, crank, 1 if sine > 0 else -1)
+    sign = 1 if sine > 0 else -1
+    # This sign at any angle, also beyond a change point.
+    reverse = FourBar(ground, rocker, coupler, crank, sign, at_change_points='sign')
     reverse_pose = reverse.solve(math.pi - pose.theta4)
     assert apart(math.pi - reverse_pose.theta4, theta2) <= 1e-10
     assert apart(-reverse_pose.theta3, pose.theta3) <= 1e-10
