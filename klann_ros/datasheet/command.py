@@ -63,7 +63,7 @@ def _parser() -> ArgumentParser:
     add('--speed', metavar='RAD_S', type=float, default=DEFAULT_SPEED, help=speed)
     load = 'ground reaction of each foot in stance [N]'
     add('--load', metavar='N', type=float, default=0.0, help=load)
-    density = 'of all bars, for legs without masses in FILE [kg/m]'
+    density = 'of all bars, in place of the masses in FILE [kg/m]'
     add('--bar-density', metavar='KG_M', type=float, help=density)
     add('--motor', metavar='FILE', type=path, help='can this motor turn it?')
     add('--margins', action='store_true', help='also of coupled loops, which takes seconds')

@@ -259,6 +259,8 @@ def _leg_sheet(options: _SheetOptions, legs: Sequence[RobotLeg]) -> LegSheet:
         stance=stance,
         no_stance=no_stance,
         masses=_masses(leg),
+        mass_basis=leg.masses.basis if leg.masses else None,
+        mass_origin=leg.masses.origin if leg.masses else '',
         empty=None,
         loaded=None,
         **_poses(linkage, alphas),

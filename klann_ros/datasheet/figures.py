@@ -164,7 +164,8 @@ def mass_table(leg: LegSheet) -> FigureTable:
         for name, mass, centre, inertia in leg.masses
     ]
     heads = ('Body', 'Mass / kg', 'Centre x / mm', 'y / mm', 'Inertia / kg m²')
-    note = f'{number_text(leg.mass)} kg a leg. The centre is from the first point of the body.'
+    total = f'{number_text(leg.mass)} kg a leg, {leg.mass_origin}'
+    note = f'{total}. The centre is from the first point of the body.'
     return FigureTable('Masses', heads, tuple(lines), note)
 
 

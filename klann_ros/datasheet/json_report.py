@@ -70,6 +70,8 @@ def _leg_content(leg: LegSheet, speed: float) -> dict[str, Any]:
         'transmission': _plain(leg.transmission),
         'mass': leg.mass if leg.masses else None,
         'masses': _plain(leg.masses),
+        'mass_basis': leg.mass_basis.name.lower() if leg.mass_basis else None,
+        'mass_origin': leg.mass_origin or None,
         'crank_angle': _plain(leg.alphas),
         'empty': _plain(leg.empty),
         'loaded': _plain(leg.loaded),

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from klann_ros.dynamics import TurnOfForces
+from klann_ros.dynamics import MassBasis, TurnOfForces
 from klann_ros.gait import GaitFigures
 from klann_ros.kinematics import FootPath, Linkage, Margin, Stance
 from klann_ros.kinematics.angles import Arc
@@ -124,6 +124,10 @@ class LegSheet:
         One for each dyad.
     masses : tuple of BodyMassFigures
         Empty without masses in the file.
+    mass_basis : MassBasis, optional
+        What the masses were computed from; None without any.
+    mass_origin : str
+        The same as words, or ''.
     empty, loaded : LegForces, optional
         Without and with the load on the foot in stance. Without masses there is no `empty`, and
         `loaded` is of the load alone.
@@ -143,6 +147,8 @@ class LegSheet:
     points: FloatArray
     transmission: tuple[Transmission, ...]
     masses: tuple[BodyMassFigures, ...]
+    mass_basis: MassBasis | None
+    mass_origin: str
     empty: LegForces | None
     loaded: LegForces | None
 

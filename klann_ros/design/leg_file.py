@@ -127,12 +127,13 @@ def walker_parameters(leg: RobotLeg, options: Mapping[str, Any]) -> dict[str, An
     top = float(pivots.max())
     bottom = float(pivots.min())
     body_length = 2.0 * (mount_x + float(np.abs(points[0, 0, 0])))
+    density = options.get('bar_density', None if leg.description else DEFAULT_BAR_DENSITY)
     body_size = (body_length, 1.5 * HALF_WIDTH * size, max(0.1 * size, top - bottom))
     return {
         'legs': [*legs],
         **_geometry(leg),
-        'bar_density': options.get('bar_density', DEFAULT_BAR_DENSITY),
-        'foot_mass': DEFAULT_FOOT_MASS,
+        # The file of a linkage has a density, which the leg's own file keeps.
+        **({'bar_density': density, 'foot_mass': DEFAULT_FOOT_MASS} if density else {}),
         'body_mass': options.get('body_mass', DEFAULT_BODY_MASS),
         'body_size': [round(length, 6) for length in body_size],
         'body_centre': [0.0, 0.0, round((top + bottom) / 2.0, 6)],

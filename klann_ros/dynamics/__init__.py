@@ -16,13 +16,14 @@ angles at once (inverse dynamics); `simulate` integrates the motion by a torque 
 
 from .balance import Reactions
 from .forces import Dynamics, GRAVITY, NoScipyError, simulate, Simulation, turn_mean, TurnOfForces
-from .masses import BodyMass, MassError, Masses, masses_from_text, rods, Spring
+from .masses import BodyMass, MassBasis, MassError, Masses, masses_from_text, rods, Spring
 from .motion import body_motion
 
 __all__ = [
     'GRAVITY',
     'BodyMass',
     'Dynamics',
+    'MassBasis',
     'MassError',
     'Masses',
     'NoScipyError',

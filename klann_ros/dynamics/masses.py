@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from enum import Enum
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -52,12 +53,28 @@ class Spring:
         _not_negative('free_length', self.free_length, 'm')
 
 
+class MassBasis(Enum):
+    """What masses were computed from; the texts take a density, [kg/m] or [kg/m^3]."""
+
+    BODIES = 'by body, from the file'
+    RODS = 'as rods of the given {0:g} kg/m'
+    ASSUMED_RODS = 'assumed, not measured: rods of {0:g} kg/m'
+
+
 @dataclass(frozen=True)
 class Masses:
-    """The masses of a linkage's bodies, the crank's first, and its springs."""
+    """
+    The masses of a linkage's bodies, the crank's first, and its springs.
+
+    `basis` says what they were computed from, by a `density`; `foot_mass` is the part of a foot
+    that was added to a body [kg].
+    """
 
     bodies: tuple[BodyMass, ...]
     springs: tuple[Spring, ...] = ()
+    basis: MassBasis = MassBasis.BODIES
+    density: float = 0.0
+    foot_mass: float = 0.0
 
     def __post_init__(self) -> None:
         for number, body in enumerate(self.bodies):
@@ -67,6 +84,11 @@ class Masses:
             _not_negative(f'inertia of body {number}', body.inertia, 'kg m^2')
             if not (isfinite(body.centre.real) and isfinite(body.centre.imag)):
                 raise MassError(f'centre of body {number} is refused: it must be finite')
+
+    @property
+    def origin(self) -> str:
+        """Return what they were computed from, as words behind a mass."""
+        return self.basis.value.format(self.density)
 
     @property
     def total(self) -> float:
@@ -118,7 +140,9 @@ def rods(
                 q = places[j, bar.end]
                 body_mass = body_mass.plus(_rod(density, (p + q) / 2.0, abs(q - p)))
         bodies.append(body_mass)
-    masses = Masses(tuple(bodies))
+    masses = Masses(
+        tuple(bodies), basis=MassBasis.RODS, density=float(density), foot_mass=float(foot_mass)
+    )
     if not foot_mass:
         return masses
     owner = structure.first_owner(structure.foot)
@@ -151,7 +175,7 @@ def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses | None:
     missing = [angle for angle in linkage.joint_names if 'mass' not in bodies[angle]]
     if 'density' in settings:
         masses = _by_density(settings, linkage, printable(name), metre)
-        return replace(masses, springs=springs)
+        return replace(masses, springs=springs, basis=MassBasis.ASSUMED_RODS)
     if len(missing) == len(bodies):
         return None
     if missing:

@@ -85,6 +85,8 @@ def _contents(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
         if options.bar_density is not None:
             heavy_robot = robot.with_rods(options.bar_density, slider_length=SLIDER_LENGTH)
         contents['--mjcf'] = robot_mjcf(heavy_robot).encode()
+        for origin in dict.fromkeys(leg.masses.origin for leg in heavy_robot.legs if leg.masses):
+            print(f'masses: {origin}')
     if options.urdf is not None:
         separator = options.joint_separator
         contents['--urdf'] = urdf(robot, joint_separator=separator).encode()
@@ -171,6 +173,6 @@ def _parser() -> ArgumentParser:
     size('--washer', type=_not_negative, default=WASHER, help=washer)
     size('--width', type=_positive, help='width of bars [mm]; 4 %% of the size')
     add('--scale', type=_positive, default=1.0, help='of the plates; hole and width stay')
-    density = 'of bars in the MJCF, for legs without masses in FILE [kg/m]'
+    density = 'of bars in the MJCF, in place of the masses in FILE [kg/m]'
     add('--bar-density', metavar='KG_PER_M', type=_positive, help=density)
     return parser

@@ -7,7 +7,7 @@ from pathlib import Path
 import re
 from typing import Any
 
-from klann_ros.dynamics import MassError, Masses, masses_from_text, rods
+from klann_ros.dynamics import MassBasis, MassError, Masses, masses_from_text, rods
 from klann_ros.kinematics import (
     GeometryError,
     is_linkage,
@@ -68,7 +68,8 @@ def robot_of(name: str) -> Robot:
         if name in PRESETS:
             linkage = PRESETS[name]().linkage
             # Masses as in the parameter file of that name.
-            return Robot(name, (RobotLeg('', linkage, masses=rods(linkage, 1.0)),), source=name)
+            masses = replace(rods(linkage, 1.0), basis=MassBasis.ASSUMED_RODS)
+            return Robot(name, (RobotLeg('', linkage, masses=masses),), source=name)
         if name in shipped_linkages():
             return robot_from_file(str(SHIPPED / f'{name}.yaml'))
     return robot_from_file(name)
@@ -270,7 +271,8 @@ def _masses(
     """Return the masses of a leg's bodies; None without any."""
     if 'bar_density' in parameters:
         density = _number(parameters, 'bar_density', 0.0)
-        return rods(linkage, density, foot_mass=_number(parameters, 'foot_mass', 0.0))
+        masses = rods(linkage, density, foot_mass=_number(parameters, 'foot_mass', 0.0))
+        return replace(masses, basis=MassBasis.ASSUMED_RODS)
     return masses_from_text(text, linkage, file) if text else None
 
 

@@ -88,6 +88,24 @@ def test_a_refusal_is_one_line(
     assert reason in error
 
 
+def test_every_report_says_what_the_masses_come_from(tmp_path: Path, capsys: Capture) -> None:
+    page = tmp_path / 'sheet.html'
+    sheet = tmp_path / 'sheet.json'
+    sizes = []
+    for options, origin, basis in (
+        ([], 'assumed, not measured: rods of 1 kg/m', 'assumed_rods'),
+        (['--bar-density', '0.3'], 'as rods of the given 0.3 kg/m', 'rods'),
+    ):
+        assert main(['jansen', *options, '--html', str(page), '--json', str(sheet)]) == 0
+        assert origin in capsys.readouterr().out
+        assert origin in page.read_text()
+        (leg,) = json.loads(sheet.read_text())['legs']
+        assert leg['mass_basis'] == basis
+        assert origin.lower() in leg['mass_origin'].lower()
+        sizes.append(leg['mass'])
+    assert sizes[1] == pytest.approx(0.3 * sizes[0])
+
+
 @pytest.mark.parametrize('option', ['--html', '--json'])
 @pytest.mark.parametrize(
     ('name', 'reason'),

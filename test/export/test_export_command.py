@@ -27,6 +27,20 @@ def test_all_formats_are_written_at_once(tmp_path: Path, capsys: pytest.CaptureF
     assert (out.count('written: '), error) == (4, '')
 
 
+def test_an_explicit_density_wins_over_that_of_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    masses = []
+    for options in ([], ['--bar-density', '0.25']):
+        mjcf = str(tmp_path / 'leg.xml')
+        assert main(['strider', '--mjcf', mjcf, *options]) == 0
+        masses.append(mujoco.mj_getTotalmass(mujoco.MjModel.from_xml_path(mjcf)))
+    assert masses[1] == pytest.approx(0.25 * masses[0], rel=1e-6)
+    out = capsys.readouterr().out
+    assert 'masses: assumed, not measured: rods of 1 kg/m' in out
+    assert 'masses: as rods of the given 0.25 kg/m' in out
+
+
 def test_a_walker_is_written_with_all_its_legs(tmp_path: Path) -> None:
     mjcf, urdf = str(tmp_path / 'walker.xml'), tmp_path / 'walker.urdf'
     assert main([WALKER, '--mjcf', mjcf, '--urdf', str(urdf)]) == 0

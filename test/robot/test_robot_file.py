@@ -4,10 +4,12 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
+from klann_ros.dynamics import MassBasis, rods
 from klann_ros.kinematics import KlannGeometry, shipped_linkages
 from klann_ros.robot import (
     CrankDrive,
     robot_from_file,
+    robot_from_text,
     robot_of,
     RobotFileError,
     solver_parameters,
@@ -17,6 +19,18 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 LEG = 'l_ab: 0.12\nbar_density: 1.0\n'
+PRESS = """
+name: press
+density: 4.0
+pivots: {O: [0, 0], P: [0, 0]}
+crank: crank
+foot: B
+bodies:
+  crank: {bars: [{from: O, to: A, length: 0.1}]}
+  rod: {bars: [{from: A, to: B, length: 0.5}]}
+  block: {slides: {along: ground, from: P, to: B}, mass: 3.0}
+start: {crank: 0.0, rod: 0.0, block: 0.6}
+"""
 
 
 def test_a_leg_file_is_one_unnamed_leg_hung_up_upright() -> None:
@@ -34,6 +48,38 @@ def test_a_walker_has_its_legs_where_its_file_mounts_them() -> None:
     # Turned by pi about the vertical: what is in front of its own plane is behind.
     assert rear.mount.transform([0.1, -0.4]) == pytest.approx([-0.3, -0.2, -0.4])
     assert walker.is_walker
+
+
+def test_an_explicit_density_wins_over_the_masses_of_a_file() -> None:
+    leg = robot_from_text(f'{LEG}foot_mass: 0.25\n', 'leg.yaml')
+    (light,) = leg.with_rods(0.1).legs
+    rods_only = leg.legs[0].masses.total - 0.25
+    assert light.masses.total == pytest.approx(0.1 * rods_only + 0.25)
+    assert light.masses.basis is MassBasis.RODS
+    assert leg.legs[0].masses.basis is MassBasis.ASSUMED_RODS
+    # The file of a linkage with a density, with its sliding block's mass and springs.
+    slider = robot_of('andrews').with_rods(2.0).legs[0]
+    assert slider.masses.springs == robot_of('andrews').legs[0].masses.springs
+    assert slider.masses.total == pytest.approx(rods(slider.linkage, 2.0).total)
+    press = robot_from_text(PRESS, 'press.yaml')
+    assert [body.mass for body in press.with_rods(1.0).legs[0].masses.bodies] == [0.1, 0.5, 3.0]
+
+
+@pytest.mark.parametrize(
+    ('name', 'basis'),
+    [
+        ('sem104', MassBasis.ASSUMED_RODS),
+        ('jansen', MassBasis.ASSUMED_RODS),
+        ('andrews', MassBasis.BODIES),
+        (str(ROOT / 'config' / 'walker6.yaml'), MassBasis.ASSUMED_RODS),
+    ],
+)
+def test_what_masses_come_from_is_known(name: str, basis: MassBasis) -> None:
+    masses = robot_of(name).legs[0].masses
+    assert masses is not None
+    assert masses.basis is basis
+    is_assumption = basis is MassBasis.ASSUMED_RODS
+    assert masses.origin.startswith('assumed, not measured') == is_assumption
 
 
 @pytest.mark.parametrize('name', ['sem104', 'patent', *shipped_linkages()])
