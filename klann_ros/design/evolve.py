@@ -1,5 +1,6 @@
 """Candidates: judged in bulk, sampled, and evolved (NSGA-II, differential evolution)."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
@@ -41,19 +42,27 @@ class Scores(NamedTuple):
         """Return the candidates from the best: by their violations, then by their losses."""
         return np.asarray(np.lexsort([self.losses.sum(axis=1), self.total]), dtype=np.intp)
 
+    def of(self, candidates: IndexArray) -> 'Scores':
+        """Return those of some candidates."""
+        figures = {name: column[candidates] for name, column in self.figures.items()}
+        return Scores(self.losses[candidates], self.violations[candidates], figures)
+
 
 def scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
     """Return the scores of candidates, x of shape (n, d) in [0, 1]."""
     chunks = []
-    for start in range(0, len(x), MAX_JUDGED):
+    for start in range(0, max(1, len(x)), MAX_JUDGED):
         chunks.append(_scores(requirements, space, x[slice(start, start + MAX_JUDGED)]))
-    if not chunks:
-        return _scores(requirements, space, np.empty((0, len(space.names))))
-    losses = np.concatenate([chunk.losses for chunk in chunks])
-    violations = np.concatenate([chunk.violations for chunk in chunks])
+    return joined(chunks)
+
+
+def joined(chunks: Sequence[Scores]) -> Scores:
+    """Return the scores of several groups of candidates in one."""
     figures = {}
     for name in chunks[0].figures:
         figures[name] = np.concatenate([chunk.figures[name] for chunk in chunks])
+    losses = np.concatenate([chunk.losses for chunk in chunks])
+    violations = np.concatenate([chunk.violations for chunk in chunks])
     return Scores(losses, violations, figures)
 
 
@@ -83,32 +92,47 @@ def _scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
     )
 
 
+class Population(NamedTuple):
+    """Candidates, x of shape (p, d), and their scores; `judged` others were judged for it."""
+
+    x: FloatArray
+    scores: Scores
+    judged: int = 0
+
+    def of(self, candidates: IndexArray) -> 'Population':
+        """Return some of its candidates."""
+        return Population(self.x[candidates], self.scores.of(candidates), self.judged)
+
+
 class Island(NamedTuple):
     """
     A population that evolves by itself for a while; without one it is sampled first.
 
-    Its requirements have its space alone.
+    Its requirements have its space alone. At most `evaluations` candidates are judged.
     """
 
     requirements: Requirements
-    population: FloatArray | None
+    population: Population | None
     seed: tuple[int, ...]
     evaluations: int
 
 
-def evolve(island: Island) -> FloatArray:
-    """Return the population of an island after its evaluations, shape (p, d)."""
+def evolve(island: Island) -> Population:
+    """Return the population of an island after its evaluations."""
     requirements = island.requirements
     (space,) = requirements.spaces
     random = np.random.default_rng(island.seed)
-    x = island.population
-    spent = 0
-    if x is None:
-        spent = min(POPULATION * SAMPLES_PER_CANDIDATE, max(POPULATION, island.evaluations))
-        x = space.sample(random, spent)
-        x = x[_chosen(scores(requirements, space, x))]
-    generations = (island.evaluations - spent) // POPULATION
-    return _evolve_generations(requirements, x, random, generations) if generations > 0 else x
+    population = island.population
+    sampled_count = 0
+    if population is None:
+        sampled_count = min(POPULATION * SAMPLES_PER_CANDIDATE, island.evaluations)
+        x = space.sample(random, sampled_count)
+        sampled = scores(requirements, space, x)
+        population = Population(x, sampled).of(_chosen(sampled))
+    generations = (island.evaluations - sampled_count) // len(population.x)
+    if generations > 0:
+        population = _evolve_generations(requirements, population, random, generations)
+    return population._replace(judged=population.judged + sampled_count)
 
 
 def _chosen(sampled: Scores) -> IndexArray:
@@ -124,19 +148,24 @@ def _chosen(sampled: Scores) -> IndexArray:
 
 
 def _evolve_generations(
-    requirements: Requirements, x: FloatArray, random: np.random.Generator, generations: int
-) -> FloatArray:
+    requirements: Requirements,
+    population: Population,
+    random: np.random.Generator,
+    generations: int,
+) -> Population:
     """Return a population after some generations, by one aim or by several."""
     # It takes a second to load, and only a search needs it.
     from pymoo.algorithms.moo.nsga2 import NSGA2  # noqa: PLC0415
     from pymoo.algorithms.soo.nonconvex.de import DE  # noqa: PLC0415
+    from pymoo.core import population as pymoo_population  # noqa: PLC0415
     from pymoo.core.problem import Problem  # noqa: PLC0415
     from pymoo.optimize import minimize  # noqa: PLC0415
 
     (space,) = requirements.spaces
-    first = scores(requirements, space, x[:1])
-    aims = first.losses.shape[1]
-    limits = first.violations.shape[1]
+    size, dimension_count = population.x.shape
+    aims = population.scores.losses.shape[1]
+    limits = population.scores.violations.shape[1]
+    judged = [population.scores]
 
     class SearchProblem(Problem):  # type: ignore[misc]  # pymoo has no types
         """The requirements as pymoo has them."""
@@ -145,13 +174,28 @@ def _evolve_generations(
             candidates = scores(requirements, space, x)
             out['F'] = candidates.losses
             out['G'] = candidates.violations
+            out['place'] = sum(len(group.losses) for group in judged) + np.arange(len(x))
+            judged.append(candidates)
 
-    problem = SearchProblem(n_var=x.shape[1], n_obj=aims, n_ieq_constr=limits, xl=0.0, xu=1.0)
+    problem = SearchProblem(n_var=dimension_count, n_obj=aims, n_ieq_constr=limits, xl=0, xu=1)
+    # Its candidates are judged already.
+    start = pymoo_population.Population.new(
+        X=population.x,
+        F=population.scores.losses,
+        G=population.scores.violations,
+        place=np.arange(size),
+    )
+    for individual in start:
+        individual.evaluated.update('FGH')
     kind = DE if aims == 1 else NSGA2
-    algorithm = kind(pop_size=len(x), sampling=x)
+    algorithm = kind(pop_size=size, sampling=start)
     seed = int(random.integers(2**31))
-    optimum = minimize(problem, algorithm, ('n_gen', generations), seed=seed)
-    return np.array(optimum.pop.get('X'), dtype=np.float64)
+    # pymoo counts the start as a generation.
+    optimum = minimize(problem, algorithm, ('n_gen', generations + 1), seed=seed)
+    all_scores = joined(judged)
+    places = optimum.pop.get('place').astype(np.intp)
+    x = np.array(optimum.pop.get('X'), dtype=np.float64)
+    return Population(x, all_scores.of(places), len(all_scores.losses) - size)
 
 
 def spread(points: FloatArray, count: int) -> IndexArray:

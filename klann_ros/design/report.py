@@ -69,6 +69,8 @@ def report_content(search_result: SearchResult, leg_names: Sequence[str]) -> dic
         'requirements': json.loads(search_result.requirements.text),
         'seed': search_result.seed,
         'evaluations': state.evaluations,
+        'refined': search_result.refined,
+        'proven': search_result.proven,
         'hypervolumes': list(state.hypervolumes),
         'units': {name: kind.unit for name, kind in FIGURES.items()},
         'reasons': list(search_result.reasons),

@@ -20,8 +20,10 @@ from .evolve import (
     evolve,
     hypervolume,
     Island,
+    joined,
     pareto_front,
     POPULATION,
+    Population,
     Scores,
     scores,
     spread,
@@ -38,21 +40,22 @@ ISLANDS = 4
 ROUNDS = 5
 MAX_ROUND = 20_000
 MIGRANTS = 6
+# Candidates of an island, however few evaluations a search has.
+MIN_POPULATION = 20
 DEFAULT_EVALUATIONS = 30_000
 # Legs that are proven for each leg wanted, as some fail.
 PROVEN_PER_LEG = 3
 # With one aim: the number of the best candidates, and of those far apart that are refined.
 BEST_CANDIDATES, REFINED_CANDIDATES = 120, 16
 
-# With one aim: legs between the best and others, as far apart as there are, in equal steps.
-COMPROMISE_ENDS, COMPROMISE_STEPS = 48, 8
+# With one aim: candidates between the best one and others far apart, and equal steps to each.
+MAX_COMPROMISES, COMPROMISE_STEPS = 800, 7
 # With one aim: the greatest loss beyond that of the best leg, relative to that of the best
 # candidate after the first round, or to a tenth of the value that a figure is to be near.
 MAX_EXTRA_LOSS = 0.1
 
 # The population of an island that is given up.
 DROPPED = np.empty((0, 0))
-_Population: TypeAlias = FloatArray | None
 _ShapedCandidate: TypeAlias = tuple[FittedCandidate, ComplexArray]
 # Calls a function of each task in processes; returns the answers, in part CandidateRefusals.
 _Run: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
@@ -64,6 +67,11 @@ class IslandScores(NamedTuple):
     island: int
     x: FloatArray
     scores: Scores
+
+    @property
+    def population(self) -> Population:
+        """Return its candidates and their scores."""
+        return Population(self.x, self.scores)
 
     @property
     def holds(self) -> BoolArray:
@@ -174,7 +182,8 @@ class SearchResult:
 
     `legs` are the Pareto set, or a part of it that is spread out, by the first aim; `reasons` why
     there is none, by the figure that fails; `refused` the number of candidates that did not pass
-    the proof, by the reason. A KeyboardInterrupt may have ended the search.
+    the proof, by the reason. Beside the evaluations of `state`, candidates were `refined` on a
+    path, and `proven`. A KeyboardInterrupt may have ended the search.
     """
 
     requirements: Requirements
@@ -183,6 +192,8 @@ class SearchResult:
     state: State
     seed: int
     refused: Mapping[str, int]
+    refined: int = 0
+    proven: int = 0
     is_interrupted: bool = False
 
 
@@ -207,7 +218,7 @@ def search(
     seed : int
         The same seed and evaluations give the same legs, for any number of jobs.
     evaluations : int
-        Candidates that are judged.
+        Candidates that are judged, at most; 20 in each population at least.
     time_limit : float, optional
         The search ends after the round in which it passes [s].
     jobs : int, optional
@@ -235,9 +246,15 @@ def search(
     start_time = monotonic()
     is_interrupted = False
     run = partial(_in_order, jobs=jobs, engine=engine)
+    # The populations of a resumed search are judged again.
+    islands = _all_scores(requirements, state)
+    has_compromises = requirements.target is None and len(requirements.cheap_aims) == 1
+    compromise_count = min(MAX_COMPROMISES, evaluations // 10) if has_compromises else 0
     try:
-        while state.evaluations < evaluations:
-            state, islands = _next_round(requirements, state, seed, evaluations, run)
+        while share := _share(state, evaluations, evaluations - compromise_count):
+            state, islands = _next_round(
+                requirements, state, islands, seed=seed, share=share, run=run
+            )
             if on_round is not None:
                 seconds = monotonic() - start_time
                 on_round(state, _progress(requirements.cheap_aims, state, islands, seconds))
@@ -247,63 +264,90 @@ def search(
         if not any(x is not None for x in state.populations):
             raise
         is_interrupted = True
-    search_result = _proven_legs(requirements, state, seed, run)
+    remaining = min(MAX_COMPROMISES, evaluations - state.evaluations) if has_compromises else 0
+    search_result = _proven_legs(
+        requirements, state, islands, seed=seed, run=run, compromise_count=remaining
+    )
     return replace(search_result, is_interrupted=is_interrupted)
 
 
+def _share(state: State, evaluations: int, in_rounds: int) -> int:
+    """Return how many candidates each island judges in the next round; 0 if it is the last."""
+    sizes = [0 if x is None else len(x) for x in state.populations if x is None or len(x)]
+    share = max(POPULATION, min(MAX_ROUND, evaluations // (len(sizes) * ROUNDS)))
+    remaining = (in_rounds - state.evaluations) // len(sizes)
+    if not max(sizes):
+        return min(share, max(MIN_POPULATION, remaining))
+    return 0 if remaining < max(sizes) else min(share, remaining)
+
+
 def _next_round(
-    requirements: Requirements, state: State, seed: int, evaluations: int, run: _Run
+    requirements: Requirements,
+    state: State,
+    islands: Sequence[IslandScores],
+    *,
+    seed: int,
+    share: int,
+    run: _Run,
 ) -> tuple[State, list[IslandScores]]:
     """Return the state after a round, and the scores of its populations."""
+    populations = {island.island: island.population for island in islands}
     numbers = [n for n, x in enumerate(state.populations) if x is None or len(x)]
-    share = max(POPULATION, min(MAX_ROUND, evaluations // (len(numbers) * ROUNDS)))
     tasks = []
     for n in numbers:
         # A worker needs the space of its island alone.
         own_requirements = replace(requirements, spaces=(requirements.space(n),))
         island_seed = (seed, state.rounds, n)
-        tasks.append(Island(own_requirements, state.populations[n], island_seed, share))
+        tasks.append(Island(own_requirements, populations.get(n), island_seed, share))
     answers = run(evolve, tasks)
     refusals = [answer for answer in answers if isinstance(answer, CandidateRefusal)]
     if len(refusals) == len(answers):
         raise EngineError(f'the search failed: {refusals[0].reason}')
-    populations = [*state.populations]
+    judged = 0
     for n, answer in zip(numbers, answers, strict=True):
         # The population of an island whose worker died twice stays as it was.
         if not isinstance(answer, CandidateRefusal):
             populations[n] = answer
+            judged += answer.judged
     populations = _migrated(requirements, populations)
+    islands = [IslandScores(n, *populations[n][:2]) for n in sorted(populations)]
+    all_x = [*state.populations]
+    for island in islands:
+        all_x[island.island] = island.x
     state = state._replace(
         rounds=state.rounds + 1,
-        evaluations=state.evaluations + share * len(tasks),
-        populations=tuple(populations),
+        evaluations=state.evaluations + judged,
+        populations=tuple(all_x),
     )
-    islands = _all_scores(requirements, state)
     state = _with_hypervolume(state, islands)
     if len(numbers) > ISLANDS and len(requirements.spaces) > ISLANDS:
         # The island of a space has its number.
         survivors = _better_half(state, islands)
-        for n in range(len(populations)):
+        for n in range(len(all_x)):
             if n not in survivors:
-                populations[n] = DROPPED
-        state = state._replace(populations=tuple(populations))
+                all_x[n] = DROPPED
+        state = state._replace(populations=tuple(all_x))
+        islands = [island for island in islands if island.island in survivors]
     return state, islands
 
 
-def _migrated(requirements: Requirements, populations: Sequence[_Population]) -> list[_Population]:
+def _migrated(
+    requirements: Requirements, populations: Mapping[int, Population]
+) -> dict[int, Population]:
     """Return the populations, the worst of each replaced by the best of the one before it."""
     space_count = len(requirements.spaces)
-    ranked = {}
-    for n, x in enumerate(populations):
-        if x is not None and len(x):
-            ranked[n] = x[scores(requirements, requirements.space(n), x).order]
-    migrated = [*populations]
-    for n, x in ranked.items():
+    island_count = max(ISLANDS, space_count)
+    ranked = {n: p.of(p.scores.order) for n, p in populations.items()}
+    migrated = dict(populations)
+    for n, population in ranked.items():
         # The islands of one space are a ring.
-        ring = range(n % space_count, len(populations), space_count)
-        neighbour = n - space_count if n >= space_count else ring[-1]
-        if neighbour != n and neighbour in ranked:
-            migrated[n] = np.concatenate([x[:-MIGRANTS], ranked[neighbour][:MIGRANTS]])
+        ring = range(n % space_count, island_count, space_count)
+        neighbour = ranked.get(n - space_count if n >= space_count else ring[-1], population)
+        if neighbour is not population:
+            old = population.of(np.arange(max(0, len(population.x) - MIGRANTS)))
+            new = neighbour.of(np.arange(min(MIGRANTS, len(population.x))))
+            x = np.concatenate([old.x, new.x])
+            migrated[n] = Population(x, joined([old.scores, new.scores]))
     return migrated
 
 
@@ -364,15 +408,24 @@ def _progress(
     return Progress(state.evaluations, seconds, state.hypervolumes[-1], best)
 
 
-def _proven_legs(requirements: Requirements, state: State, seed: int, run: _Run) -> SearchResult:
+def _proven_legs(
+    requirements: Requirements,
+    state: State,
+    islands: Sequence[IslandScores],
+    *,
+    seed: int,
+    run: _Run,
+    compromise_count: int,
+) -> SearchResult:
     """Refine and prove the best candidates of a search."""
-    islands = _all_scores(requirements, state)
     survivors = _survivors(requirements, islands)
     if not survivors:
         reasons = failing_figures(requirements, islands)
         return SearchResult(requirements, (), tuple(reasons), state, seed, {})
-    if requirements.target is None and len(requirements.cheap_aims) == 1:
-        survivors = _survivors(requirements, [*islands, _compromises(requirements, survivors)])
+    if compromise_count >= COMPROMISE_STEPS:
+        compromises = _compromises(requirements, survivors, compromise_count)
+        state = state._replace(evaluations=state.evaluations + len(compromises.x))
+        survivors = _survivors(requirements, [*islands, compromises])
     chosen = [survivors[k] for k in _chosen(requirements, survivors, state).tolist()]
     answers = run(partial(_fitted, requirements), chosen)
     candidates = [answer for answer in answers if isinstance(answer, FittedCandidate)]
@@ -398,7 +451,16 @@ def _proven_legs(requirements: Requirements, state: State, seed: int, run: _Run)
     legs = _best(requirements.aims, legs, state)
     counts = dict(Counter(refusal.reason for refusal in refusals))
     reasons = [] if legs else _refusal_reasons(requirements, refusals, counts)
-    return SearchResult(requirements, tuple(legs), tuple(reasons), state, seed, counts)
+    return SearchResult(
+        requirements,
+        tuple(legs),
+        tuple(reasons),
+        state,
+        seed,
+        counts,
+        refined=0 if target is None else len(chosen),
+        proven=len(shapes) + len(refusals),
+    )
 
 
 def _next_batch(
@@ -436,12 +498,14 @@ def _survivors(requirements: Requirements, islands: Sequence[IslandScores]) -> l
     return survivors
 
 
-def _compromises(requirements: Requirements, survivors: Sequence[Survivor]) -> IslandScores:
+def _compromises(
+    requirements: Requirements, survivors: Sequence[Survivor], count: int
+) -> IslandScores:
     """Return candidates between the best one, by one aim, and others of its space."""
     best = min(survivors, key=lambda survivor: survivor.losses[0])
     x = np.array([survivor.x for survivor in survivors if survivor.space == best.space])
-    ends = x[spread(np.concatenate([best.x[None], x]), COMPROMISE_ENDS + 1)[1:] - 1]
-    steps = np.linspace(0.0, 1.0, COMPROMISE_STEPS + 1)[1:-1, None, None]
+    ends = x[spread(np.concatenate([best.x[None], x]), count // COMPROMISE_STEPS + 1)[1:] - 1]
+    steps = np.linspace(0.0, 1.0, COMPROMISE_STEPS + 2)[1:-1, None, None]
     between = np.reshape(best.x + steps * (ends - best.x), (-1, len(best.x)))
     space = requirements.space(best.space)
     return IslandScores(best.space, between, scores(requirements, space, between))

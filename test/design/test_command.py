@@ -25,9 +25,9 @@ from klann_ros.executables import design
 import klann_ros.design.command
 module = sys.modules['klann_ros.design.search']
 prove = module._proven_legs
-def prove_and_stop(*arguments):
+def prove_and_stop(*arguments, **options):
     os.killpg(0, signal.SIGINT)
-    return prove(*arguments)
+    return prove(*arguments, **options)
 module._proven_legs = prove_and_stop
 sys.exit(design())
 """

@@ -99,7 +99,7 @@ def test_a_grown_leg_follows_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(sys.modules[search.__module__], 'REFINED_CANDIDATES', 4)
     path = {'units': {'length': 'mm'}, 'path': {'points': EIGHT}}
     requirements = requirements_from({'grow': {'dyads': 1}, **path, 'count': 1})
-    search_result = search(requirements, evaluations=5000)
+    search_result = search(requirements, evaluations=8000)
     (leg,) = search_result.legs
     assert leg.linkage.name.startswith('Grown six-bar')
     assert leg.reached['path_error'] < 2e-3

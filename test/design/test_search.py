@@ -7,8 +7,8 @@ import sys
 
 from klann_ros.datasheet import data_sheet
 from klann_ros.design import refine, requirements_from, search, SearchResult, State
-from klann_ros.design.evolve import pareto_front, Scores
-from klann_ros.design.figures import FIGURES, judge, sheet_figures
+from klann_ros.design.evolve import evolve, pareto_front, Scores
+from klann_ros.design.figures import FIGURES, judge, Judgement, sheet_figures
 from klann_ros.design.leg_file import leg_text, parameter_text, with_numbers
 from klann_ros.design.search import failing_figures, IslandScores
 from klann_ros.gait import walk_figures
@@ -24,6 +24,7 @@ TOY = {
         'stride': 'maximize',
         'deviation': 'minimize',
         'transmission_angle': {'at_least': 20},
+        'duty_factor': {'at_least': 0.3},
     },
     'walker': {'legs': 8},
     'count': 6,
@@ -112,6 +113,28 @@ def test_a_damaged_state_is_refused(damage: Mapping[str, object], reason: str) -
 
 def searched(content: Mapping[str, object]) -> SearchResult:
     return search(requirements_from(content), evaluations=480)
+
+
+@pytest.mark.parametrize('aims', [1, 2])
+@pytest.mark.parametrize('evaluations', [10, 500, 1000])
+def test_as_many_candidates_are_judged_as_are_allowed_and_reported(
+    aims: int, evaluations: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = sys.modules[evolve.__module__]
+    counts = []
+
+    def count_and_judge(variants: Variants, *arguments: object) -> Judgement:
+        counts.append(len(variants))
+        return judge(variants, *arguments)
+
+    monkeypatch.setattr(module, 'judge', count_and_judge)
+    figures = dict([('stride', 'maximize'), ('lift', 'maximize')][:aims])
+    requirements = requirements_from({'linkage': 'four_bar', 'figures': figures, 'count': 1})
+    search_result = search(requirements, evaluations=evaluations)
+    assert sum(counts) == search_result.state.evaluations
+    assert sum(counts) <= max(evaluations, 80)
+    assert sum(counts) > 0.9 * evaluations
+    assert search_result.proven >= len(search_result.legs)
 
 
 def test_requirements_that_no_leg_fulfils_name_the_figure_and_by_how_much() -> None:
