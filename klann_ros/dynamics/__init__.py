@@ -16,7 +16,16 @@ angles at once (inverse dynamics); `simulate` integrates the motion by a torque 
 
 from .balance import Reactions
 from .forces import Dynamics, GRAVITY, NoScipyError, simulate, Simulation, turn_mean, TurnOfForces
-from .masses import BodyMass, MassBasis, MassError, Masses, masses_from_text, rods, Spring
+from .masses import (
+    BodyMass,
+    MassBasis,
+    MassError,
+    Masses,
+    masses_from_text,
+    rods,
+    Spring,
+    TorsionSpring,
+)
 from .motion import body_motion
 
 __all__ = [
@@ -30,6 +39,7 @@ __all__ = [
     'Reactions',
     'Simulation',
     'Spring',
+    'TorsionSpring',
     'TurnOfForces',
     'body_motion',
     'masses_from_text',

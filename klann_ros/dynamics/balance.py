@@ -32,18 +32,19 @@ class Reactions(NamedTuple):
     lines: dict[str, tuple[FloatArray, FloatArray]]
 
 
-def reactions(
+def reactions(  # noqa: PLR0917 - the terms of the equations
     moving: BodyMotion,
     bodies: Sequence[BodyMass],
     rates: tuple[FloatArray, FloatArray],
     gravity: complex,
     forces: Sequence[tuple[str, Any]],
+    moments: Sequence[tuple[int, Any]] = (),
 ) -> Reactions:
     """
     Return the joint reactions.
 
     `rates` are the crank's rate and acceleration [rad/s, rad/s^2], one or one for each angle;
-    `forces` act on points [N].
+    `forces` act on points [N], `moments` on bodies by their indices [N m].
     """
     structure = moving.linkage.structure
     angle_count = moving.alphas.size
@@ -61,6 +62,9 @@ def reactions(
     for point, force in forces:
         j = structure.first_owner(point)
         inertia_forces[:, j] -= _wrench(moving.point(point)[0] - centres[j], force)
+    for j, moment in moments:
+        if j != FIXED:
+            inertia_forces[:, j, 2] -= moment
     pinned = []
     for point, (first, *later) in structure.owners.items():
         pinned += [(point, first, j) for j in later]

@@ -222,8 +222,14 @@ class Dynamics:
         forces = list(self._loads(loads).items())
         for spring in self.masses.springs:
             forces += _spring_forces(spring, moving)
+        moments = []
+        for torsion_spring in self.masses.torsion_springs:
+            first, second = torsion_spring.body_indices(self.linkage.structure)
+            deflection = torsion_spring.deflection(self.linkage.structure, moving.u)
+            moment = torsion_spring.stiffness * deflection
+            moments += [(first, moment), (second, -moment)]
         rates = _motions(moving, alpha_rate, alpha_acceleration)
-        return reactions(moving, self.masses.bodies, rates, self.gravity, forces)
+        return reactions(moving, self.masses.bodies, rates, self.gravity, forces, moments)
 
     def turn(
         self, alpha_rate: float, loads: Forces | None = None, *, samples: int = 720
@@ -276,6 +282,13 @@ class Dynamics:
             tension = _tension(spring, moving)
             energy += spring.stiffness * tension.elongation**2 / 2.0
             slope += _dot(tension.force, tension.vector_1)
+        structure = self.linkage.structure
+        for torsion_spring in self.masses.torsion_springs:
+            deflection = torsion_spring.deflection(structure, moving.u)
+            first, second = torsion_spring.body_indices(structure)
+            turning = moving.rotation_of(second) - moving.rotation_of(first)
+            energy += torsion_spring.stiffness * deflection**2 / 2.0
+            slope += torsion_spring.stiffness * deflection * turning
         return _Potential(energy, slope)
 
     def _loads(self, loads: Forces | None) -> dict[str, Any]:

@@ -1,14 +1,23 @@
 """Masses of a linkage: mass, centre and inertia of every body, and springs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from math import isfinite
+from math import isfinite, radians
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import as_linkage, body_points, LENGTH_UNITS, Linkage
-from klann_ros.sanitize.text import did_you_mean, printable, refusal
+from klann_ros.kinematics import (
+    as_linkage,
+    body_points,
+    FIXED,
+    GROUND,
+    LENGTH_UNITS,
+    Linkage,
+    Structure,
+)
+from klann_ros.sanitize.text import counted, did_you_mean, printable, refusal
 from klann_ros.sanitize.yaml_text import parse
+import numpy as np
 
 
 class MassError(ValueError):
@@ -53,6 +62,45 @@ class Spring:
         _not_negative('free_length', self.free_length, 'm')
 
 
+@dataclass(frozen=True)
+class TorsionSpring:
+    """
+    A torsion spring at a joint of two bodies, named like their angles, or 'ground'.
+
+    Its deflection, within half a turn, is the direction of the second body less that of the first,
+    counter-clockwise, less `rest_angle` [rad]; a body has the direction of its angle. `stiffness`
+    is >= 0 [N m/rad].
+    """
+
+    joint: str
+    bodies: tuple[str, str]
+    stiffness: float
+    rest_angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        _not_negative('stiffness', self.stiffness, 'N m/rad')
+
+    def body_indices(self, structure: Structure) -> list[int]:
+        """Return the indices of its bodies, FIXED for the ground; a MassError if it has none."""
+        owners = {}
+        for j in structure.owners.get(self.joint, ()):
+            owners[GROUND if j == FIXED else structure.angles[j]] = j
+        if len({*self.bodies} & owners.keys()) != 2:
+            names = f'{self.joint} joins {", ".join(owners) or "nothing"}'
+            bodies = ', '.join(map(printable, self.bodies))
+            raise MassError(f'torsion spring between {bodies}: {names}; two of these are needed')
+        return [owners[name] for name in self.bodies]
+
+    def deflection(self, structure: Structure, u: Any) -> Any:
+        """Return its deflection by the bodies' vectors, of one pose or of many [rad]."""
+        directions = []
+        for j in self.body_indices(structure):
+            frame = FIXED if j == FIXED else structure.frames[j]
+            directions.append(1.0 + 0j if frame == FIXED else u[frame])
+        first, second = directions
+        return np.angle(second * np.conj(first) * np.exp(-1j * self.rest_angle))
+
+
 class MassBasis(Enum):
     """What masses were computed from; the texts take a density, [kg/m] or [kg/m^3]."""
 
@@ -72,6 +120,7 @@ class Masses:
 
     bodies: tuple[BodyMass, ...]
     springs: tuple[Spring, ...] = ()
+    torsion_springs: tuple[TorsionSpring, ...] = ()
     basis: MassBasis = MassBasis.BODIES
     density: float = 0.0
     foot_mass: float = 0.0
@@ -88,7 +137,9 @@ class Masses:
     @property
     def origin(self) -> str:
         """Return what they were computed from, as words behind a mass."""
-        return self.basis.value.format(self.density)
+        count = len(self.springs) + len(self.torsion_springs)
+        springs = f', with {counted(count, "spring")}' if count else ''
+        return self.basis.value.format(self.density) + springs
 
     @property
     def total(self) -> float:
@@ -160,7 +211,8 @@ def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses | None:
 
     Each of its bodies may have `mass` [kg], `centre` [x, y] in the body and `inertia` about it
     [kg m^2]; or the file has one `density` for all bars [kg/m], and masses for sliding bodies
-    without a bar. `springs` are a list of `{from, to, stiffness, free_length}`.
+    without a bar. `springs` are a list of `{from, to, stiffness, free_length}`, `torsion_springs`
+    one of `{joint, between, stiffness, rest_angle}`.
 
     Raises
     ------
@@ -170,17 +222,20 @@ def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses | None:
     """
     settings = parse(text)
     metre = LENGTH_UNITS[settings.get('units', {}).get('length', 'm')]
-    springs = tuple(_spring(spring, linkage, metre) for spring in settings.get('springs', ()))
+    tension = tuple(_spring(spring, linkage, metre) for spring in settings.get('springs', ()))
+    torsion = tuple(_torsion_springs(settings, linkage))
     bodies = settings['bodies']
     missing = [angle for angle in linkage.joint_names if 'mass' not in bodies[angle]]
     if 'density' in settings:
         masses = _by_density(settings, linkage, printable(name), metre)
-        return replace(masses, springs=springs, basis=MassBasis.ASSUMED_RODS)
+        basis = MassBasis.ASSUMED_RODS
+        return replace(masses, springs=tension, torsion_springs=torsion, basis=basis)
     if len(missing) == len(bodies):
         return None
     if missing:
         raise MassError(f'{printable(name)}: {", ".join(missing)} without mass; 0 is allowed')
-    return Masses(tuple(_body(bodies[angle], metre) for angle in linkage.joint_names), springs)
+    body_masses = tuple(_body(bodies[angle], metre) for angle in linkage.joint_names)
+    return Masses(body_masses, tension, torsion)
 
 
 def _by_density(settings: Mapping[str, Any], linkage: Linkage, name: str, metre: float) -> Masses:
@@ -213,6 +268,16 @@ def _spring(settings: Mapping[str, Any], linkage: Linkage, metre: float) -> Spri
 
     ends = end(settings['from']), end(settings['to'])
     return Spring(ends, float(settings['stiffness']), metre * settings.get('free_length', 0.0))
+
+
+def _torsion_springs(settings: Mapping[str, Any], linkage: Linkage) -> Iterator[TorsionSpring]:
+    radian = radians(1.0) if settings.get('units', {}).get('angle') == 'deg' else 1.0
+    for spring in settings.get('torsion_springs', ()):
+        rest_angle = radian * spring.get('rest_angle', 0.0)
+        bodies = tuple(spring['between'])
+        torsion_spring = TorsionSpring(spring['joint'], bodies, spring['stiffness'], rest_angle)
+        torsion_spring.body_indices(linkage.structure)
+        yield torsion_spring
 
 
 def _not_negative(name: str, number: Any, unit: str) -> None:

@@ -236,7 +236,8 @@ class Robot:
             for j, body in enumerate(structure.bodies):
                 if not body.rigid and filed.bodies[j].mass:
                     bodies[j] = filed.bodies[j]
-            masses = replace(masses, bodies=tuple(bodies), springs=filed.springs)
+            springs = filed.springs, filed.torsion_springs
+            masses = Masses(tuple(bodies), *springs, masses.basis, density, filed.foot_mass)
             legs.append(replace(leg, masses=masses))
         return replace(self, legs=tuple(legs))
 

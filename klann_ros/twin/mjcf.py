@@ -6,7 +6,7 @@ from math import cos, isfinite, pi, sin
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Comment, Element, indent, SubElement, tostring
 
-from klann_ros.dynamics import GRAVITY, MassError, Spring
+from klann_ros.dynamics import GRAVITY, MassError, Spring, TorsionSpring
 from klann_ros.kinematics import FIXED, KinematicsError, LinkageLeg
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.sanitize.text import printable, refusal
@@ -265,6 +265,8 @@ class _Leg:
         self._origins = {h.body: self._points[h.point] for h in self._tree} | {FIXED: 0j}
         # The names of the points' sites, and the element and the place in it of the foot's.
         self._sites: dict[str, str] = {}
+        # The names of the bodies' hinges.
+        self._joints: dict[int, str] = {}
         self._foot: tuple[Element, complex] | None = None
 
     @property
@@ -307,6 +309,8 @@ class _Leg:
             )
         for spring in masses.springs:
             self._spring(plane, spring)
+        for torsion_spring in masses.torsion_springs:
+            self._torsion_spring(torsion_spring)
         if self._foot and self._model.robot.is_walker:
             element, place = self._foot
             ball = {'type': 'sphere', 'pos': place, 'size': FOOT_RADIUS, 'mass': '0'}
@@ -318,6 +322,7 @@ class _Leg:
             # It has the angle q of its robot's joint: alpha = direction q + phase.
             axis = 0.0, 0.0, self._structure.senses[0] * self.leg.direction
             at_start = {'ref': self._crank, 'armature': rotor}
+            self._joints[0] = crank_name
             _add(element, 'joint', name=crank_name, type='hinge', axis=axis, **at_start)
             return
         name = self._model.unique('joint', self.leg.joint_name(body.angle, SEPARATOR))
@@ -326,6 +331,7 @@ class _Leg:
             ref = self._pose.joints[j]
             _add(element, 'joint', name=name, type='slide', axis=along, ref=ref)
         else:
+            self._joints[j] = name
             _add(element, 'joint', name=name, type='hinge', axis='0 0 1')
 
     def _inertial(self, element: Element, j: int) -> None:
@@ -357,6 +363,26 @@ class _Leg:
         spatial = _add(self._model.tendon, 'spatial', **numbers, width=self._radius / 2.0)
         for name in ends:
             _add(spatial, 'site', site=name)
+
+    def _torsion_spring(self, spring: TorsionSpring) -> None:
+        """Write it as a tendon, whose length is the rotation between its bodies."""
+        structure = self._structure
+        parents = {h.body: h.parent for h in self._tree}
+        turns: dict[int, float] = {}
+        for body, sign in zip(spring.body_indices(structure), (-1.0, 1.0), strict=True):
+            j = body
+            while j != FIXED:
+                turns[j] = turns.get(j, 0.0) + sign
+                j = parents[j]
+        crank = structure.senses[0] * self.leg.direction
+        length = turns.get(0, 0.0) * crank * self._crank
+        rest = length - float(spring.deflection(structure, self._pose.vectors))
+        numbers = {'stiffness': spring.stiffness, 'springlength': rest}
+        fixed = _add(self._model.tendon, 'fixed', **numbers)
+        for j, turn in turns.items():
+            if turn and j in self._joints:
+                coefficient = turn * (1.0 if j else crank)
+                _add(fixed, 'joint', joint=self._joints[j], coef=coefficient)
 
 
 def start_angle(legs: Sequence[RobotLeg], crank: float | None = None) -> float:

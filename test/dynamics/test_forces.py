@@ -1,5 +1,6 @@
 """Forces: two methods that share no equation agree, and the laws of mechanics hold."""
 
+from dataclasses import replace
 import math
 from typing import Any
 
@@ -12,9 +13,11 @@ from klann_ros.dynamics import (
     rods,
     simulate,
     Spring,
+    TorsionSpring,
 )
 from klann_ros.kinematics import (
     FourBar,
+    Linkage,
     LinkageLeg,
     PartialTurnError,
     shipped_linkage,
@@ -41,7 +44,23 @@ def weighed(name: str) -> Dynamics:
         Spring((linkage.structure.foot, pin), 20.0, 0.01),
         Spring((pin, (0.3, 0.1)), 15.0, 0.02),
     )
-    return Dynamics(linkage, Masses(masses.bodies, springs))
+    return Dynamics(linkage, Masses(masses.bodies, springs, torsion_springs(linkage)))
+
+
+def torsion_springs(linkage: Linkage) -> tuple[TorsionSpring, ...]:
+    """Return a spring at each joint away from the crank, at rest in the middle of the arc."""
+    structure = linkage.structure
+    leg = LinkageLeg(linkage)
+    (start, end), *_ = leg.reachable_arcs()
+    pose = leg.closed_form((start + end) / 2.0)
+    springs = []
+    for joint, owners in structure.owners.items():
+        if len(owners) > 1 and 0 not in owners:
+            names = [structure.angles[j] if j >= 0 else 'ground' for j in owners[:2]]
+            spring = TorsionSpring(joint, (names[0], names[1]), 0.7)
+            rest_angle = spring.deflection(structure, pose.vectors)
+            springs.append(replace(spring, rest_angle=float(rest_angle) + 0.1))
+    return tuple(springs)
 
 
 def angles_of(dynamics: Dynamics, count: int = 41) -> Array:
