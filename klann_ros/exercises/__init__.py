@@ -16,22 +16,15 @@ Errors                  `ExerciseError`
 ======================  ===================================================================
 """
 
-from .calculation import Step
-from .kinds import KINDS
-from .marking import Mark, mark, statistics
-from .platforms import check
-from .variant import ExerciseError, Kind, make_variant, Question, Variant
+from typing import TYPE_CHECKING
 
-__all__ = [
-    'KINDS',
-    'ExerciseError',
-    'Kind',
-    'Mark',
-    'Question',
-    'Step',
-    'Variant',
-    'check',
-    'make_variant',
-    'mark',
-    'statistics',
-]
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .calculation import Step
+    from .kinds import KINDS
+    from .marking import Mark, mark, statistics
+    from .platforms import check
+    from .variant import ExerciseError, Kind, make_variant, Question, Variant
+else:
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -1,13 +1,15 @@
 """`exercise`: exercises of both courses for a class, their keys, and the marking of answers."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+import re
+from typing import Any, BinaryIO
 
 from klann_ros.cli import (
     ArgumentParser,
+    harmless,
     NOT_READ,
     NOT_WRITTEN,
     Output,
@@ -15,17 +17,19 @@ from klann_ros.cli import (
     output_files,
     OutputError,
     path,
+    read_table,
     save_all,
+    TableRow,
+    write_table,
 )
-from klann_ros.sanitize.text import counted, printable
+from klann_ros.sanitize.text import counted, listed, MAX_LINE_LENGTH, printable
 from klann_ros.web import print_page, PrintError
 
 from .kinds import KINDS
-from .marking import statistics
+from .marking import mark, Marks, statistics
 from .platforms import Files, moodle, notebooks, prairielearn
 from .sheet import answer_text, key, sheets, unit_sign, with_unit
-from .tables import has_answers, mark_answers, read_students, save_marks, save_template
-from .variant import ExerciseError, LANGUAGES, look_up, make_variant, texts, unit_of, Variant
+from .variant import ExerciseError, Kind, LANGUAGES, look_up, make_variant, texts, unit_of, Variant
 
 ROWS_REFUSED = 1
 CODES_OF_ERRORS = {ExerciseError: NOT_READ, PrintError: NOT_WRITTEN}
@@ -92,13 +96,13 @@ def _mark(options: argparse.Namespace) -> int:
     files = output_files(options, ('csv',), (options.answers,))
     class_marks, refused = mark_answers(options.answers, KINDS)
     for (student, kind), marks in class_marks.items():
-        points = sum(mark.points for mark in marks)
+        points = sum(answer_mark.points for answer_mark in marks)
         print(f'{printable(student)}  {kind}  {points:g} of {len(marks)}')
-        for mark in marks:
-            if mark.points < 1.0:
-                answer = printable(mark.given, 40) or '-'
-                reason = mark.reason(options.language)
-                print(f'    {mark.question} = {answer}: {mark.points:g}, {reason}')
+        for answer_mark in marks:
+            if answer_mark.points < 1.0:
+                answer = printable(answer_mark.given, 40) or '-'
+                reason = answer_mark.reason(options.language)
+                print(f'    {answer_mark.question} = {answer}: {answer_mark.points:g}, {reason}')
     for kind, counts in statistics(class_marks).items():
         students = counted(int(counts.pop('students')), 'student')
         share = 100.0 * counts.pop('part')
@@ -176,3 +180,134 @@ def _parser() -> ArgumentParser:
     add('--kind', metavar='KIND', required=True, help='see exercise list')
     add('--student', metavar='ID', required=True, help='the student number')
     return parser
+
+
+# Largest table [bytes], and students of one.
+MAX_TABLE, MAX_STUDENTS = 20_000_000, 5000
+ANSWER_COLUMNS = ('student', 'kind', 'question', 'answer')
+MARK_COLUMNS = (*ANSWER_COLUMNS, 'points', 'reason')
+# A long student number as a spreadsheet writes it.
+SCIENTIFIC = re.compile(r'\d(?:[.,]\d+)?[Ee]\+?\d+')
+
+
+def read_students(path: str) -> dict[str, str]:
+    """
+    Return the names of a class by student number: the columns name, if any, and student.
+
+    Raises
+    ------
+    ExerciseError
+        The file cannot be read, is no such table, has a student twice, or a row without one.
+
+    """
+    names: dict[str, str] = {}
+    repeated = []
+    for place, _, cells in _rows(path, 'student'):
+        number = _number(cells, place)
+        if number in names:
+            repeated.append(number)
+        columns = [column for column in cells if column.casefold() == 'name']
+        names[number] = printable(cells[columns[0]].strip()) if columns else ''
+    if not 0 < len(names) <= MAX_STUDENTS:
+        raise ExerciseError(
+            f'{printable(path)} has {len(names)} students: 1 to {MAX_STUDENTS} are possible'
+        )
+    if repeated:
+        raise ExerciseError(f'{printable(path)} has students twice: {listed(repeated, 5)}')
+    return names
+
+
+def _rows(path: str, *columns: str) -> list[TableRow]:
+    """Return the rows of a table; a short one ends with empty cells."""
+    rows = read_table(path, columns, ExerciseError, MAX_TABLE).rows
+    return [row._replace(cells=dict.fromkeys(columns, '') | row.cells) for row in rows]
+
+
+def _number(cells: Mapping[str, str], place: str) -> str:
+    """Return the student number of a row."""
+    number = cells['student'].strip()
+    if not number:
+        raise ExerciseError(f'{place}: no student number')
+    if SCIENTIFIC.fullmatch(number):
+        raise ExerciseError(
+            f'{place}: student {number} is a number that a spreadsheet has rounded; give the '
+            'column the format text'
+        )
+    return number
+
+
+def has_answers(path: str) -> bool:
+    """Return whether a file is a table of answers with one at least; errors as `mark_answers`."""
+    table = _rows(path, *ANSWER_COLUMNS) if Path(path).is_file() else ()
+    return any(row.cells['answer'].strip() for row in table)
+
+
+def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[Marks, list[str]]:
+    """
+    Return the marks of a table of answers, and the rows that are refused, with their reasons.
+
+    Raises
+    ------
+    ExerciseError
+        The file cannot be read, or is no table of answers.
+
+    """
+    answers: dict[tuple[str, str], dict[str, str]] = {}
+    refused = []
+    for _, line, cells in _rows(path, *ANSWER_COLUMNS):
+        kind = cells['kind'].strip()
+        question = cells['question'].strip()
+        try:
+            student = _number(cells, f'line {line}')
+            questions = look_up(kind, kinds, f'line {line}: kind').questions
+            names = {question.name for question in questions}
+            look_up(question, dict.fromkeys(names), f'line {line}: question of {kind}')
+        except ExerciseError as error:
+            refused.append(str(error))
+            continue
+        if question in answers.setdefault((student, kind), {}):
+            refused.append(f'line {line}: {printable(student)} answers {question} twice')
+        else:
+            answers[student, kind][question] = cells['answer']
+    if not answers and not refused:
+        raise ExerciseError(f'{printable(path)} has no answers')
+    class_marks = {}
+    for (student, kind), student_answers in answers.items():
+        try:
+            variant = make_variant(kinds[kind], student)
+            class_marks[student, kind] = mark(variant, student_answers)
+        except ExerciseError as error:  # noqa: PERF203, RUF100 - of each student
+            refused.append(str(error))
+    return class_marks, refused
+
+
+def save_template(kind: Kind, students: Iterable[str], file: BinaryIO) -> None:
+    """Write an empty table of answers."""
+    lines = []
+    for student in students:
+        lines += [(student, kind.name, question.name, '') for question in kind.questions]
+    _save(ANSWER_COLUMNS, lines, file)
+
+
+def save_marks(class_marks: Marks, language: str, file: BinaryIO) -> None:
+    """Write the marks, a row an answer."""
+    lines = []
+    for (student, kind), marks in class_marks.items():
+        for answer_mark in marks:
+            answer = (student, kind, answer_mark.question, answer_mark.given)
+            points = f'{answer_mark.points:g}'
+            lines.append((*answer, points, answer_mark.reason(language)))
+    _save(MARK_COLUMNS, lines, file)
+
+
+def _save(heads: Sequence[str], lines: Iterable[Sequence[str]], file: BinaryIO) -> None:
+    cells = [list(map(_cell, line)) for line in lines]
+    # With the mark by which spreadsheets know UTF-8.
+    write_table((heads, *cells), file, encoding='utf-8-sig')
+
+
+def _cell(text: str) -> str:
+    """Return a cell without control characters; a number with a sign is no formula."""
+    if re.fullmatch(r'[+-]?\d+(?:[.,]\d+)?', text, re.ASCII):
+        return text
+    return harmless(printable(text, MAX_LINE_LENGTH))

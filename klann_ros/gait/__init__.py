@@ -7,34 +7,23 @@ rates of the cranks and back. The estimator and the controller of `klann_ros.wal
 `stance`: which feet carry the body, and how it moves when they slip.
 """
 
-from .feet import Feet, NoWalkerError
-from .figures import GaitFigures, walk_figures
-from .stance import (
-    Facet,
-    FootMotion,
-    gravity_aligned,
-    Point,
-    StancePose,
-    Support,
-    Symmetric,
-    Triple,
-)
-from .steering import Rates, Steering, Twist2D
+from typing import TYPE_CHECKING
 
-__all__ = [
-    'Facet',
-    'Feet',
-    'FootMotion',
-    'GaitFigures',
-    'NoWalkerError',
-    'Point',
-    'Rates',
-    'StancePose',
-    'Steering',
-    'Support',
-    'Symmetric',
-    'Triple',
-    'Twist2D',
-    'gravity_aligned',
-    'walk_figures',
-]
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .feet import Feet, NoWalkerError
+    from .figures import GaitFigures, walk_figures
+    from .stance import (
+        Facet,
+        FootMotion,
+        gravity_aligned,
+        Point,
+        StancePose,
+        Support,
+        Symmetric,
+        Triple,
+    )
+    from .steering import Rates, Steering, Twist2D
+else:
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -7,14 +7,12 @@ Labels are symbols and units. Anything else as `given` is a TypeError, and drawi
 matplotlib a NoMatplotlibError.
 """
 
-from .charts import plot_convergence, plot_turn
-from .plane import animate, NoMatplotlibError, plot_foot_path, plot_pose
+from typing import TYPE_CHECKING
 
-__all__ = [
-    'NoMatplotlibError',
-    'animate',
-    'plot_convergence',
-    'plot_foot_path',
-    'plot_pose',
-    'plot_turn',
-]
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .charts import plot_convergence, plot_turn
+    from .plane import animate, NoMatplotlibError, plot_foot_path, plot_pose
+else:
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

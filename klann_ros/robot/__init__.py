@@ -10,36 +10,23 @@ simulation and control all read robots by this package; it is without ROS.
 ('H', 'crank')
 """
 
-from .file import (
-    LEG_PARAMETERS,
-    OF_CRANK,
-    of_leg,
-    preset_names,
-    robot_from_file,
-    robot_from_parameters,
-    robot_from_text,
-    robot_of,
-    RobotFileError,
-    solver_parameters,
-)
-from .robot import CrankDrive, Mount, Robot, RobotLeg, SEPARATORS, Triple, WalkerBody
+from typing import TYPE_CHECKING
 
-__all__ = [
-    'LEG_PARAMETERS',
-    'OF_CRANK',
-    'SEPARATORS',
-    'CrankDrive',
-    'Mount',
-    'Robot',
-    'RobotFileError',
-    'RobotLeg',
-    'Triple',
-    'WalkerBody',
-    'of_leg',
-    'preset_names',
-    'robot_from_file',
-    'robot_from_parameters',
-    'robot_from_text',
-    'robot_of',
-    'solver_parameters',
-]
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .file import (
+        LEG_PARAMETERS,
+        OF_CRANK,
+        of_leg,
+        preset_names,
+        robot_from_file,
+        robot_from_parameters,
+        robot_from_text,
+        robot_of,
+        RobotFileError,
+        solver_parameters,
+    )
+    from .robot import CrankDrive, Mount, Robot, RobotLeg, SEPARATORS, Triple, WalkerBody
+else:
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

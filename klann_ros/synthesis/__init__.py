@@ -12,48 +12,31 @@ Results                 `PlacedFourBar`: `defects`, `grashof`, `cognates`, `inst
 ======================  ===================================================================
 """
 
-from .dyads import (
-    burmester_curve,
-    burmester_points,
-    BurmesterPair,
-    dyad_of_pin,
-    dyad_of_pivot,
-    dyad_of_rotations,
-    dyads_of_rotation,
-    motion_generators,
-    pins,
-    PlanePose,
-)
-from .function import (
-    freudenstein,
-    function_generators,
-    function_task,
-    FunctionTask,
-    precision_points,
-)
-from .limits import quick_returns, toggle_couplers
-from .placed import Defects, place, PlacedFourBar, Position
+from typing import TYPE_CHECKING
 
-__all__ = [
-    'BurmesterPair',
-    'Defects',
-    'FunctionTask',
-    'PlacedFourBar',
-    'PlanePose',
-    'Position',
-    'burmester_curve',
-    'burmester_points',
-    'dyad_of_pin',
-    'dyad_of_pivot',
-    'dyad_of_rotations',
-    'dyads_of_rotation',
-    'freudenstein',
-    'function_generators',
-    'function_task',
-    'motion_generators',
-    'pins',
-    'place',
-    'precision_points',
-    'quick_returns',
-    'toggle_couplers',
-]
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .dyads import (
+        burmester_curve,
+        burmester_points,
+        BurmesterPair,
+        dyad_of_pin,
+        dyad_of_pivot,
+        dyad_of_rotations,
+        dyads_of_rotation,
+        motion_generators,
+        pins,
+        PlanePose,
+    )
+    from .function import (
+        freudenstein,
+        function_generators,
+        function_task,
+        FunctionTask,
+        precision_points,
+    )
+    from .limits import quick_returns, toggle_couplers
+    from .placed import Defects, place, PlacedFourBar, Position
+else:
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -6,38 +6,19 @@ and an `Odometry` (where it is, and how far that may be off). Its feet and its s
 of `klann_ros.gait`.
 """
 
-from .commissioning import Commissioning, CommissioningSettings, Rates
-from .control_laws import CrankCommand, PhaseLock
-from .controller import WalkController
-from .drives import CrankDrives
-from .faults import DiagnosticLevel, Fault, FaultKind, FaultLatch, RefusalKind
-from .imu import imu_reading, ImuReading
-from .limits import MotionLimits
-from .odometry import Odometry, OdometryEstimate
-from .odometry_scale import OdometryScale
-from .settings import ControllerSettings, OdometryNoise
-from .walker import Walker
+from typing import TYPE_CHECKING
 
-__all__ = [
-    'Commissioning',
-    'CommissioningSettings',
-    'ControllerSettings',
-    'CrankCommand',
-    'CrankDrives',
-    'DiagnosticLevel',
-    'Fault',
-    'FaultKind',
-    'FaultLatch',
-    'ImuReading',
-    'MotionLimits',
-    'Odometry',
-    'OdometryEstimate',
-    'OdometryNoise',
-    'OdometryScale',
-    'PhaseLock',
-    'Rates',
-    'RefusalKind',
-    'WalkController',
-    'Walker',
-    'imu_reading',
-]
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .commissioning import Commissioning, CommissioningSettings, Rates
+    from .control_laws import CrankCommand, PhaseLock
+    from .controller import WalkController
+    from .faults import DiagnosticLevel, Fault, FaultKind, FaultLatch, RefusalKind
+    from .imu import imu_reading, ImuReading
+    from .limits import MotionLimits
+    from .odometry import Odometry, OdometryEstimate
+    from .settings import ControllerSettings, OdometryNoise
+    from .walker import CrankDrives, OdometryScale, Walker
+else:
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -1,24 +1,124 @@
-"""A walker as its node has it: controller, odometry, and the diagnostics of both."""
+"""A walker as its node has it: motors and encoders, controller, odometry, diagnostics."""
 
+from cmath import rect
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from math import cos, inf, isfinite, nan, radians, sin
 
 from klann_ros.gait import Steering, Triple, Twist2D
 from klann_ros.kinematics.angles import wrap
+from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.robot import CrankDrive
+import numpy as np
 
 from .control_laws import CrankCommand
 from .controller import STANDS, WalkController
-from .drives import CrankDrives
 from .faults import DiagnosticLevel
-from .feedback import SteadyClock, Watchdog
+from .feedback import CrankFeedback, SteadyClock, Watchdog
 from .imu import ImuReading
 from .imu_monitor import ImuState
-from .load import LoadMonitor
-from .monitors import BodyMonitor
+from .monitors import BodyMonitor, LoadMonitor
 from .odometry import Odometry, OdometryEstimate
-from .odometry_scale import OdometryScale
 from .settings import ControllerSettings, OdometryNoise
 from .zero_check import ZeroCheck
+
+Readings = Mapping[str, tuple[float, float | None]]
+
+
+class CrankDrives:
+    """The encoders and motors of cranks, by their joints in the order of `Feet.joints`."""
+
+    def __init__(self, drives: Mapping[str, CrankDrive]) -> None:
+        self.drives = dict(drives)
+
+    def measured(self, readings: Readings) -> Readings:
+        """Return angles and rates of cranks by those of their encoders [rad, rad/s]."""
+        measured = {}
+        for joint, (position, velocity) in readings.items():
+            measured[joint] = self.drives[joint].measured(position, velocity)
+        return measured
+
+    def commanded(self, command: CrankCommand) -> CrankCommand:
+        """Return a command of cranks as one of their motors."""
+        drives = self.drives.values()
+        motors = [
+            drive.commanded(angle, rate)
+            for drive, angle, rate in zip(drives, command.position, command.velocity, strict=True)
+        ]
+        return CrankCommand(tuple(position for position, _ in motors), tuple(r for _, r in motors))
+
+    @property
+    def zeros(self) -> str:
+        """Return the zeros as a robot file has them."""
+        zeros = [f'{joint}: {{zero: {drive.zero:.4f}}}' for joint, drive in self.drives.items()]
+        return f'cranks: {{{", ".join(zeros)}}}'
+
+    def set_zero(self, crank: CrankFeedback) -> None:
+        """Declare the present angle of a crank its zero."""
+        drive = self.drives[crank.joint]
+        zero = wrap(drive.zero + crank.position)
+        crank.shift(drive.zero - zero)
+        self.drives[crank.joint] = replace(drive, zero=zero)
+
+
+class OdometryScale:
+    """
+    Scale estimates by constant factors, which a calibration gives.
+
+    The path is that of the scaled velocities. Its covariance is that of the estimate, scaled and
+    rotation by the difference of the headings: exact for an `angular` factor of 1.
+
+    Parameters
+    ----------
+    linear, angular : float
+        True speed by the estimated one, and true yaw rate by the estimated one.
+
+    """
+
+    def __init__(self, linear: float = 1.0, angular: float = 1.0) -> None:
+        self._linear, self._angular = linear, angular
+        self._factors = np.array([linear, linear, angular])
+        self.set_pose(0.0, 0.0, 0.0)
+
+    def set_pose(self, x: float, y: float, yaw: float) -> None:
+        """Go on at a pose [m, rad], at which the estimate goes on as well."""
+        self._estimated = self._scaled = (complex(x, y), yaw)
+
+    def unscaled(self, covariance: tuple[Triple, Triple, Triple]) -> FloatArray:
+        """Return the covariance of an estimate at a set pose by that of x, y and yaw."""
+        unscaled: FloatArray = np.array(covariance) / np.outer(self._factors, self._factors)
+        return unscaled
+
+    def scaled(self, estimate: OdometryEstimate) -> OdometryEstimate:
+        """Return the next estimate, scaled."""
+        if self._linear == self._angular == 1.0:
+            return estimate
+        place_before, yaw_before = self._estimated
+        place, yaw = self._scaled
+        self._estimated = complex(estimate.x, estimate.y), estimate.yaw
+        rotation = wrap(estimate.yaw - yaw_before)
+        displacement = (self._estimated[0] - place_before) * rect(
+            1.0, -yaw_before - rotation / 2.0
+        )
+        place += self._linear * displacement * rect(1.0, yaw + self._angular * rotation / 2.0)
+        yaw = wrap(yaw + self._angular * rotation)
+        self._scaled = place, yaw
+        c, s = cos(yaw - estimate.yaw), sin(yaw - estimate.yaw)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        covariance = turn @ estimate.covariance @ turn.T * np.outer(self._factors, self._factors)
+        x_row, y_row, yaw_row = covariance.tolist()
+        forwards, leftwards, angular = self._factors * (*estimate.linear, estimate.angular)
+        x_variance, y_variance, yaw_variance = self._factors**2 * estimate.rate_variances
+        return estimate._replace(
+            x=place.real,
+            y=place.imag,
+            yaw=yaw,
+            linear=(float(forwards), float(leftwards)),
+            angular=float(angular),
+            covariance=(tuple(x_row), tuple(y_row), tuple(yaw_row)),
+            rate_variances=(float(x_variance), float(y_variance), float(yaw_variance)),
+        )
+
 
 # Messages that are lost while a queue is drained take no longer; and readings whose stamps advance
 # by less than the second are taken with the next, for the third at most [s].

@@ -6,9 +6,8 @@ from pathlib import Path
 import re
 
 from klann_ros.exercises import KINDS, make_variant
-from klann_ros.exercises.command import main
+from klann_ros.exercises.command import main, read_students
 from klann_ros.exercises.sheet import picture, with_unit
-from klann_ros.exercises.tables import read_students
 import pytest
 
 Capture = pytest.CaptureFixture[str]

@@ -6,7 +6,7 @@ from math import atan2, cos, hypot, pi, sin
 from pathlib import Path
 from typing import Any
 
-from klann_ros.export.nav2 import CRANK_RATE, nav2_parameters
+from klann_ros.export.ros2_control import CRANK_RATE, nav2_parameters
 from klann_ros.gait import Feet, Steering, Twist2D
 from klann_ros.robot import robot_of
 from klann_ros.twin import Twin

@@ -21,7 +21,7 @@ from klann_ros.datasheet import motor_from_file, MotorFileError
 from klann_ros.design import requirements_from, requirements_from_file, RequirementsError, State
 from klann_ros.design.search import StateError
 from klann_ros.exercises import ExerciseError, KINDS
-from klann_ros.exercises.tables import mark_answers, read_students
+from klann_ros.exercises.command import mark_answers, read_students
 from klann_ros.kinematics import linkage_from_file, LinkageFileError
 from klann_ros.live.protocol import parse_message, ProtocolError
 from klann_ros.log import open_log

@@ -21,15 +21,15 @@ ALLOWED = {
     'cli': {'lazy_face', 'sanitize'},
     'engines': set(),
     'kinematics': {'sanitize'},
-    'synthesis': {'sanitize', 'kinematics'},
+    'synthesis': {'lazy_face', 'sanitize', 'kinematics'},
     'messages': {'lazy_face', 'sanitize'},
     'log': {'cli', 'lazy_face', 'messages', 'sanitize'},
     'dynamics': {'sanitize', 'kinematics'},
-    'robot': {'sanitize', 'kinematics', 'dynamics'},
-    'gait': {'kinematics', 'dynamics', 'robot'},
-    'walker': {'kinematics', 'dynamics', 'robot', 'gait'},
+    'robot': {'lazy_face', 'sanitize', 'kinematics', 'dynamics'},
+    'gait': {'lazy_face', 'kinematics', 'dynamics', 'robot'},
+    'walker': {'lazy_face', 'kinematics', 'dynamics', 'robot', 'gait'},
     'twin': {'sanitize', 'kinematics', 'dynamics', 'robot'},
-    'plotting': {'kinematics'},
+    'plotting': {'lazy_face', 'kinematics'},
     'web': {'lazy_face', 'sanitize', 'kinematics'},
     'review': {
         *('cli', 'sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'plotting', 'log'),
@@ -47,7 +47,9 @@ ALLOWED = {
     'calibration': {
         *('cli', 'sanitize', 'messages', 'kinematics', 'robot', 'log', 'web', 'datasheet'),
     },
-    'exercises': {'cli', 'sanitize', 'kinematics', 'synthesis', 'plotting', 'web'},
+    'exercises': {
+        *('cli', 'lazy_face', 'sanitize', 'kinematics', 'synthesis', 'plotting', 'web'),
+    },
     'design': {
         *('cli', 'sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'gait', 'web'),
         'datasheet',

@@ -1,9 +1,8 @@
 """An emergency stop latches, its silence too; what is disabled stands until it is enabled."""
 
 from klann_ros.gait import Steering
-from klann_ros.walker.controller import WalkController
+from klann_ros.walker.controller import Interlocks, WalkController
 from klann_ros.walker.faults import FaultKind, FaultLatch
-from klann_ros.walker.interlocks import Interlocks
 from klann_ros.walker.settings import ControllerSettings
 import pytest
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from klann_ros.datasheet import data_sheet, peak_efforts
 from klann_ros.robot import robot_of
 from klann_ros.walker.faults import Fault, FaultKind
-from klann_ros.walker.load import LoadMonitor
+from klann_ros.walker.monitors import LoadMonitor
 import pytest
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
