@@ -9,12 +9,15 @@ equations.
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import cross, FIXED, GROUND
+from klann_ros.kinematics import cross, FIXED, GROUND, wrapped
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray, with_short_repr
 import numpy as np
 
 from .masses import BodyMass
 from .motion import BodyMotion
+
+# Beside a change point forces are rounding [rad].
+CHANGE_POINT_RADIUS = 1e-7
 
 
 @with_short_repr
@@ -72,6 +75,9 @@ def reactions(  # noqa: PLR0917 - the terms of the equations
     matrix = np.stack(_columns(moving, centres, pinned, sliding), axis=2)
     right_side = inertia_forces.reshape(angle_count, equation_count)
     is_singular = np.asarray(np.isnan(matrix).any(axis=(1, 2)) | np.isnan(right_side).any(axis=1))
+    for change_point in moving.linkage.change_points.points:
+        # There the links are in line, and leave their forces undetermined.
+        is_singular |= np.abs(wrapped(moving.alphas - change_point.beta)) <= CHANGE_POINT_RADIUS
     matrix[is_singular] = np.eye(equation_count)
     right_side[is_singular] = np.nan
     torque, *joint_loads = np.linalg.solve(matrix, right_side[..., None])[..., 0].T

@@ -115,7 +115,8 @@ def _through_change_points(
 ) -> None:
     """Replace dx and d2x by the crank angle near change points by those of the path of x."""
     points = linkage.change_points
-    for turn in range(points.period):
+    # At a change point the poses of several turns meet: that of the given angle comes last.
+    for turn in reversed(range(points.period)):
         for near, pose in points.interpolated_poses(angles + turn * TURN):
             is_on_path = (np.abs(differences(linkage, x[:, near].T, pose.x)) < SAME_ANGLE).all(1)
             indices = np.flatnonzero(near)[is_on_path]
