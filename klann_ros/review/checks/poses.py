@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterator
 from math import degrees
 from typing import NamedTuple
 
-from klann_ros.kinematics import differences, loop_errors, wrapped
+from klann_ros.kinematics import differences, loop_errors, vectors, wrapped
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, IntArray
 from klann_ros.review.model.answers import (
     Cause,
@@ -121,7 +122,42 @@ def _poses(leg: ReviewedLeg, errors: PoseErrors, wrong: WrongPoses) -> Iterator[
         wrong.flipped,
         ('is', 'are'),
         f'in another assembly mode than the leg{flipped}',
-        'the loops close, but in another assembly mode: the branch flipped',
+        _flipped_meaning(leg.evaluated, errors, wrong.flipped),
+    )
+
+
+def _flipped_meaning(leg: LegRecording, errors: PoseErrors, flags: BoolArray) -> str:
+    """Return why poses are in another assembly mode: by a change point, or otherwise."""
+    meaning = 'the loops close, but in another assembly mode: the branch flipped'
+    if leg.solver.leg is None or not flags.any():
+        return meaning
+    linkage = leg.solver.leg.linkage
+    points = linkage.change_points.points
+    first = int(np.argmax(flags))
+    beta = errors.path_angles[first]
+    u = vectors(linkage, leg.poses.values[[first]])
+    signs = linkage.change_points.signs(beta) if points else linkage.assembly
+    flipped = set()
+    for block, sign in zip(linkage.blocks, signs, strict=True):
+        if block.two_branches and float(block.sine(u)[0]) * sign < 0.0:
+            flipped.add(block.number)
+    if not flipped or not flipped <= {point.block for point in points}:
+        return meaning
+    right = np.flatnonzero(~flags & np.isfinite(errors.angle_errors))
+    if not right.size or right[0] > first:
+        return (
+            'from the first pose on it is in the other of the motions that meet at its change '
+            'points: at_change_points: crossed in its file, if it was put together so'
+        )
+    rotation = beta - errors.path_angles[right[right < first][-1]]
+    passed = [point for point in points if point.block in flipped]
+    # Beside a change point both motions are alike: the fault is found a little behind it.
+    angles = [wrapped(beta - point.beta) * (-1.0 if rotation < 0.0 else 1.0) for point in passed]
+    point = passed[int(np.argmin(np.mod(angles, TURN)))]
+    bodies = [linkage.structure.angles[j] for j in linkage.blocks[point.block - 1].unknowns]
+    return (
+        f'at the change point at {degrees(point.beta) % 360.0:.4g} deg ({", ".join(bodies)}) it '
+        'took the other of the two motions that meet there'
     )
 
 

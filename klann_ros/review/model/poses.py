@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, nan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics import (
     AnyLeg,
@@ -20,6 +20,7 @@ from klann_ros.kinematics import (
     Stance,
     transmission_angles,
     vectors,
+    wrapped,
 )
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
 import numpy as np
@@ -29,6 +30,12 @@ from .times import median, pairs
 
 # Poses solved at once.
 _BLOCK_SIZE = 65536
+# The poses that tell the turn of a part of a run; a larger rotation [rad], or ratio of an interval
+# to the median, begins another part.
+_FIRST_POSES = 50
+_MAX_ROTATION = 1.0
+_MAX_INTERVAL_RATIO = 20.0
+_TURN = 2 * np.pi
 _LARGEST = np.finfo(np.float64).max
 
 
@@ -67,18 +74,57 @@ class PoseErrors:
     foot_errors: FloatArray
     # Shape (n, number of dyads): those of the solved poses, in [0, pi] [rad]; NaN for none.
     transmission_angles: FloatArray
+    # Shape (n,): see `path_angles` [rad].
+    path_angles: FloatArray
     # The solved poses, if they are kept.
     solved: tuple[SolvedBlock, ...] = ()
+
+
+# A log may hold any number.
+@np.errstate(invalid='ignore', over='ignore')
+def path_angles(recording: LegRecording, leg: AnyLeg) -> FloatArray:
+    """
+    Return the crank angles of the poses with all turns of the linkage's motion, shape (n,) [rad].
+
+    Past change points a linkage may be back only after several turns, and recorded angles may be
+    wrapped. The turn is the one that the first poses fit, and again those after a jump or a gap.
+    """
+    poses = recording.poses.values
+    alphas: FloatArray = poses[:, 0]
+    period = leg.linkage.change_points.period
+    if period == 1 or not len(poses):
+        return alphas
+    steps = wrapped(np.diff(alphas, prepend=alphas[0]))
+    intervals = np.diff(recording.poses.times, prepend=recording.poses.times[0])
+    is_start = ~(np.abs(steps) <= _MAX_ROTATION)
+    is_start |= intervals > _MAX_INTERVAL_RATIO * np.median(intervals)
+    is_start[0] = True
+    starts = np.flatnonzero(is_start)
+    parts = np.cumsum(is_start) - 1
+    rotations = np.cumsum(np.where(is_start, 0.0, steps))
+    unwrapped = alphas[starts][parts] + rotations - rotations[starts][parts]
+    turns = np.round(np.nan_to_num(unwrapped - alphas) / _TURN)
+    first_poses = np.flatnonzero(np.arange(len(poses)) - starts[parts] < _FIRST_POSES)
+    errors = np.zeros((period, len(poses)))
+    for turn in range(period):
+        betas = alphas[first_poses] + _TURN * (turns[first_poses] + turn)
+        solved: Any = linkage_poses(leg, betas, angles=True)
+        distances = np.abs(differences(leg, poses[first_poses, 1:], solved.angles)).max(axis=1)
+        errors[turn, first_poses] = np.minimum(np.nan_to_num(distances, nan=1.0), 1.0)
+    first_turns = np.add.reduceat(errors, starts, axis=1).argmin(axis=0)
+    path: FloatArray = alphas + _TURN * (turns + first_turns[parts])
+    return path
 
 
 def solve_blocks(recording: LegRecording, leg: AnyLeg) -> Iterator[SolvedBlock]:
     """Solve every recorded pose again, from its crank angle alone, block by block."""
     poses = recording.poses.values
+    betas = path_angles(recording, leg)
     of_feet, of_poses = pairs(recording.feet.stamps, recording.poses.stamps)
     for begin in range(0, len(poses), _BLOCK_SIZE):
         end = min(begin + _BLOCK_SIZE, len(poses))
         recorded = poses[slice(begin, end)]
-        solved = linkage_poses(leg, recorded[:, 0], angles=True)
+        solved = linkage_poses(leg, betas[slice(begin, end)], angles=True)
         angles: FloatArray = solved.angles  # type: ignore[assignment]  # asked for
         paired = slice(*np.searchsorted(of_poses, [begin, end]))
         yield SolvedBlock(
@@ -106,6 +152,7 @@ def pose_errors(
         np.empty(count),
         np.full(len(recording.feet), nan),
         np.empty((count, len(leg.assembly))),
+        path_angles(recording, leg),
     )
     for block in solve_blocks(recording, leg):
         rows = block.rows
@@ -129,9 +176,6 @@ def _foot_errors(recorded: FloatArray, computed: FloatArray) -> FloatArray:
         distances = np.hypot(*(recorded - computed).T)
     # NaN of a foot is its own fault; NaN of its pose is not.
     return np.where(np.isfinite(recorded).all(axis=1), np.minimum(distances, _LARGEST), inf)
-
-
-_TURN = 2 * np.pi
 
 
 @dataclass(frozen=True)
