@@ -66,14 +66,14 @@ def slide_lines(linkage: Linkage) -> Iterator[SlideLine]:
 
 def crank_angles(linkage: Linkage, count: int) -> FloatArray:
     """
-    Return `count` crank angles in each reachable arc, with its ends [rad].
+    Return `count` crank angles in each reachable arc, or turn, with its ends [rad].
 
     They are uniform in a full turn, else dense at the ends of arcs, where links are in line and
     bodies move with the square root of the angle.
     """
     arcs = _arcs(linkage)
     shares = np.linspace(0.0, 1.0, count)
-    if arcs != ((0.0, TURN),):
+    if arcs[:1] != ((0.0, TURN * linkage.change_points.period),):
         shares = (1.0 - np.cos(np.pi * shares)) / 2.0
     angles = [start + (end - start) * shares for start, end in arcs]
     return np.concatenate([np.empty(0), *angles])
@@ -82,4 +82,6 @@ def crank_angles(linkage: Linkage, count: int) -> FloatArray:
 # With sliding bodies the search takes some tenths of a second.
 @lru_cache(maxsize=32)
 def _arcs(linkage: Linkage) -> tuple[tuple[float, float], ...]:
-    return tuple(reachable_arcs(linkage))
+    arcs = tuple(reachable_arcs(linkage))
+    # After change points it may be back only after several turns.
+    return ((0.0, TURN * linkage.change_points.period),) if arcs == ((0.0, TURN),) else arcs

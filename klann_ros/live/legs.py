@@ -215,7 +215,8 @@ def drawn_shape(linkage: Linkage) -> dict[str, Any]:
 
 
 def _path_and_box(linkage: Linkage) -> dict[str, Any]:
-    alphas = np.linspace(0.0, 2.0 * pi, _POSES + 1)
+    turns = linkage.change_points.period
+    alphas = np.linspace(0.0, 2.0 * pi * turns, _POSES * turns + 1)
     poses = linkage_poses(linkage, alphas, points=True)
     points = poses.points
     if points is None or not np.isfinite(points).any():

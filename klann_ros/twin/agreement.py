@@ -10,7 +10,7 @@ from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import Robot, RobotLeg
 import numpy as np
 
-from .mjcf import robot_mjcf
+from .mjcf import is_near_change, robot_mjcf, start_angle
 from .tree import Closing, joint_rates, spanning_tree, TreeBody
 from .twin import engine
 
@@ -69,6 +69,9 @@ def agreement(
     (start, end), *_ = LinkageLeg(leg.linkage).reachable_arcs()
     if end - start < 2.0 * pi:
         start, end = start + ARC_MARGIN * (end - start), end - ARC_MARGIN * (end - start)
+    else:
+        start = float(leg.crank_angles(start_angle(robot.legs)))
+        end = start + 2.0 * pi
     way = leg.direction
     first = way * ((start if way * rate > 0.0 else end) - leg.phase)
     mujoco = engine()
@@ -87,7 +90,8 @@ def agreement(
     forces = []
     for step in range(1, steps + 1):
         mujoco.mj_step(model, data)
-        if step % interval == 0 and step > SETTLING_TURNS * steps:
+        is_settled = step > SETTLING_TURNS * steps
+        if step % interval == 0 and is_settled and not is_near_change(leg, crank.qpos[0]):
             mujoco.mj_forward(model, data)
             mujoco.mj_rnePostConstraint(model, data)
             effort = float(data.actuator_force[0])

@@ -8,6 +8,7 @@ from xml.etree.ElementTree import Comment, Element, indent, SubElement, tostring
 
 from klann_ros.dynamics import GRAVITY, MassError, Spring, TorsionSpring
 from klann_ros.kinematics import FIXED, KinematicsError, LinkageLeg
+from klann_ros.kinematics.angles import wrap
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.sanitize.text import printable, refusal
 import numpy as np
@@ -15,6 +16,8 @@ import numpy as np
 from .tree import spanning_tree
 
 MAX_SLOPE = pi / 4.0
+# A robot starts further than this from change points [rad].
+CHANGE_POINT_DISTANCE = 0.4
 
 
 class Accuracy(NamedTuple):
@@ -102,7 +105,7 @@ def robot_mjcf(
         Of the engine [s]; 0: 0.2 ms for a leg, 0.5 ms for a walker.
     crank : float, optional
         Joint angle at the start [rad]; by default 0, or the middle of the arc that the
-        first leg can reach.
+        first leg can reach, or one away from change points.
     compliance : float
         Time constant with which the loops of the legs close [s]; they give way under load, as
         joints with play do. 0: they are rigid; the engine takes two time steps or more.
@@ -277,7 +280,9 @@ class _Leg:
 
     def inertias(self) -> tuple[float, float]:
         """Return the least and the greatest inertia at the crank [kg m^2]."""
-        inertia, _ = self._dynamics.reduced_inertia(np.linspace(0.0, 2.0 * pi, INERTIA_SAMPLES))
+        turns = self.leg.linkage.change_points.period
+        alphas = np.linspace(0.0, 2.0 * pi * turns, INERTIA_SAMPLES * turns)
+        inertia, _ = self._dynamics.reduced_inertia(alphas)
         return float(np.nanmin(inertia)), float(np.nanmax(inertia))
 
     def write(self, plane: Element, crank_name: str, rotor: float) -> None:
@@ -386,20 +391,28 @@ class _Leg:
 
 
 def start_angle(legs: Sequence[RobotLeg], crank: float | None = None) -> float:
-    """Return a joint angle that closes all of its legs."""
+    """Return a joint angle that closes all of its legs, at no change point of theirs."""
     if crank is not None:
         return crank
     first = legs[0]
     arcs = LinkageLeg(first.linkage).reachable_arcs()
     middles = [first.direction * ((start + end) / 2.0 - first.phase) for start, end in arcs]
-    for angle in (0.0, *middles):
+    for angle in (0.0, *middles, *CHANGE_POINT_DISTANCE * np.arange(1.0, 16.0)):
         try:
             for leg in legs:
                 LinkageLeg(leg.linkage).closed_form(float(leg.crank_angles(angle)))
         except KinematicsError:
             continue
-        return angle
+        if not any(is_near_change(leg, angle) for leg in legs):
+            return float(angle)
     return 0.0
+
+
+def is_near_change(leg: RobotLeg, angle: float) -> bool:
+    """Return whether a leg is near a change point: nothing decides how it starts there."""
+    alpha = float(leg.crank_angles(angle))
+    betas = [point.beta for point in leg.linkage.change_points.points]
+    return any(abs(wrap(alpha - beta)) < CHANGE_POINT_DISTANCE for beta in betas)
 
 
 def _critically_damped(stiffness: float) -> dict[str, str]:

@@ -17,7 +17,11 @@ from shapely import box, LineString, Point, STRtree, union_all
 from shapely.affinity import affine_transform
 
 SVG = '{http://www.w3.org/2000/svg}'
-STUBS = {'scotch_yoke': {('A', 'yoke')}, 'watt_six_bar': {('O', 'R3')}}
+STUBS = {
+    'scotch_yoke': {('A', 'yoke')},
+    'side_rod': {('D', 'rod1')},
+    'watt_six_bar': {('O', 'R3')},
+}
 HOLE = 3.2e-3
 
 
@@ -39,7 +43,7 @@ def collisions(name: str) -> tuple[set[tuple[int, int]], set[tuple[int, int]]]:
         shapes.append(union_all(links))
     overlaps = set()
     entries = set()
-    for alpha in crank_angles(leg.linkage, 24)[1:-1]:
+    for alpha in crank_angles(leg.linkage, 36)[1:-1]:
         x_and_y = leg.closed_form(float(alpha)).points
         points = dict(zip(leg.linkage.structure.points, x_and_y @ (1.0, 1j), strict=True))
         frames = [plate_frame(plate, points) for plate in arrangement.plates]
