@@ -80,6 +80,42 @@ def turning_text(leg: LegSheet) -> str:
     return f'the crank does not turn fully; it reaches {arcs or "nothing"} deg'
 
 
+def change_point_table(leg: LegSheet) -> FigureTable:
+    """Return the table of the change points of a leg, with both motions that meet there."""
+    points = leg.linkage.change_points
+    names = leg.linkage.joint_names
+    lines = []
+    for point in sorted(points.points, key=lambda point: point.beta % (points.period * TURN)):
+        bodies = [names[j] for j in leg.linkage.blocks[point.block - 1].unknowns]
+        motions = []
+        for motion in points.continuations(point):
+            rates = UNKNOWN_VALUE
+            if motion is not None:
+                rates = ', '.join(number_text(round(rate, 9), 3) for rate in motion.tolist())
+            motions.append(rates)
+        derivative = 'first' if point.order == 1 else 'second'
+        kind = 'ends coincide, links may spin freely' if point.is_free else 'in line'
+        angle = point.beta % (points.period * TURN)
+        lines.append((degrees_text(angle, 3), ', '.join(bodies), kind, derivative, *motions))
+    notes = ['Derivatives of the angles by the crank angle; links that move take the path']
+    notes += ['a crank at rest there leaves the motion to inertia and play']
+    if points.period > 1:
+        notes.append(f'all links are back after {points.period} turns')
+    heads = ('Crank [deg]', 'Links', 'Change point', 'Derivative', 'Path', 'Other motion')
+    return FigureTable('Change points', heads, tuple(lines), '; '.join(notes) + '.')
+
+
+def near_miss_texts(leg: LegSheet) -> Iterator[str]:
+    """Yield the change points that are missed by a hair."""
+    names = leg.linkage.joint_names
+    for miss in leg.linkage.change_points.near_misses:
+        bodies = ', '.join(names[j] for j in leg.linkage.blocks[miss.block - 1].unknowns)
+        yield (
+            f'at {degrees_text(miss.beta % TURN, 3)} deg the links {bodies} are in line but for '
+            f'{number_text(1e3 * miss.clearance, 3)} mm: play decides which way they go on'
+        )
+
+
 def foot_figures(leg: LegSheet, speed: float) -> Iterator[Figure]:
     """Yield the figures of a foot while the crank turns at a speed [rad/s]."""
     path = leg.path

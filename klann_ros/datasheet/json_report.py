@@ -1,12 +1,13 @@
 """A data sheet as JSON: SI units throughout, null for unknown or infinite values."""
 
 from collections.abc import Sequence
+from functools import partial
 import json
 from typing import Any
 
 from klann_ros import __version__
 from klann_ros.dynamics import TurnOfForces
-from klann_ros.kinematics import Stance
+from klann_ros.kinematics import ChangePoint, Linkage, Stance
 from klann_ros.sanitize.text import finite
 import numpy as np
 
@@ -55,6 +56,7 @@ def _plain(record: Any) -> Any:
 
 def _leg_content(leg: LegSheet, speed: float) -> dict[str, Any]:
     linkage = leg.linkage
+    points = linkage.change_points
     return {
         'names': list(leg.names),
         'linkage': linkage.name,
@@ -64,6 +66,9 @@ def _leg_content(leg: LegSheet, speed: float) -> dict[str, Any]:
         'no_margins': leg.no_margins or None,
         'turns_fully': leg.turns_fully,
         'arcs': leg.arcs,
+        'change_points': [*map(partial(_change_point_content, linkage), points.points)],
+        'period': points.period,
+        'near_misses': _plain(tuple(points.near_misses)),
         'path': _path_content(leg),
         'stance': _stance_content(leg.stance, speed) if leg.stance else None,
         'no_stance': leg.no_stance or None,
@@ -75,6 +80,18 @@ def _leg_content(leg: LegSheet, speed: float) -> dict[str, Any]:
         'crank_angle': _plain(leg.alphas),
         'empty': _plain(leg.empty),
         'loaded': _plain(leg.loaded),
+    }
+
+
+def _change_point_content(linkage: Linkage, point: ChangePoint) -> dict[str, Any]:
+    path, other = linkage.change_points.continuations(point)
+    bodies = linkage.blocks[point.block - 1].unknowns
+    return {
+        'crank_angle': point.beta,
+        'links': [linkage.joint_names[j] for j in bodies],
+        **_attributes(point, ('block', 'order', 'is_free')),
+        'path': path.tolist(),
+        'other': None if other is None else other.tolist(),
     }
 
 

@@ -128,7 +128,9 @@ def _leg_section(sheet: DataSheet, leg: LegSheet, index: int) -> Markup:
 def _about(leg: LegSheet) -> str:
     linkage = leg.linkage
     origin = ': '.join(filter(None, (linkage.name, linkage.source)))
-    return '; '.join(filter(None, (origin, figures.turning_text(leg))))
+    return '; '.join(
+        filter(None, (origin, figures.turning_text(leg), *figures.near_miss_texts(leg)))
+    )
 
 
 def _remark(text: str) -> Markup:
@@ -218,6 +220,8 @@ def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> 
 def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[FigureTable]:
     if sheet.is_single:
         yield from _crank_tables(sheet.cranks, sheet)
+    if leg.linkage.change_points:
+        yield figures.change_point_table(leg)
     yield figures.bar_table(leg)
     if leg.transmission:
         yield figures.transmission_table(leg)

@@ -53,6 +53,10 @@ def _leg_lines(leg: LegSheet, sheet: DataSheet) -> Iterator[str]:
         if about:
             yield printable_line(about)
     yield f'T{figures.turning_text(leg)[1:]}.'
+    for text in figures.near_miss_texts(leg):
+        yield f'Warning: {text}.'
+    if linkage.change_points:
+        yield from _table_lines(figures.change_point_table(leg))
     yield from _table_lines(figures.bar_table(leg))
     yield from _heading(f'Foot {linkage.structure.foot}')
     yield from _figure_lines(figures.foot_figures(leg, sheet.speed))

@@ -211,7 +211,7 @@ start: {a: 1.0, b: 0.0, c: 1.0}
 
 def test_a_torque_undefined_in_line_makes_the_motor_verdict_a_fault(tmp_path: Path) -> None:
     path = tmp_path / 'parallelogram.yaml'
-    path.write_text(PARALLELOGRAM)
+    path.write_text(f'{PARALLELOGRAM}at_change_points: sign\n')
     strong = Motor(stall_torque=1e6, no_load_speed=1e3, gear_ratio=1.0, efficiency=1.0)
     sheet = data_sheet(robot_from_file(path), load=1.0, motor=strong, samples=360)
     assert 'links are in line' in sheet.no_forces

@@ -297,6 +297,17 @@ class Linkage(LoopEquations):
         return ChangePoints(self)
 
     @property
+    def assembly_at_zero(self) -> tuple[int, ...]:
+        """Return the assembly of the same motion whose signs hold just after a crank angle of 0."""
+        if not self.change_points:
+            return self.assembly
+        at_zero = self.signs(self.change_points.inside(0.0))
+        # 'crossed' reverses some signs: the same ones wherever it is.
+        at_reference = self.signs(self.change_points.inside(self.reference))
+        signs = zip(at_zero, at_reference, self.assembly, strict=True)
+        return tuple(zero * reference * sign for zero, reference, sign in signs)
+
+    @property
     def is_searched(self) -> bool:
         """Return whether its change points are known already."""
         return 'change_points' in vars(self)
