@@ -110,8 +110,13 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     if not leg_sheet.turns_fully:
         raise ProofError('the crank does not turn fully')
     figures = sheet_figures(sheet, leg.linkage)
-    # NaN is refused, too.
-    if not figures['transmission_angle'] > MIN_TRANSMISSION_ANGLE:
+    # In a change point links are in line, and go on along the tangent. NaN is refused, too.
+    passing = {point.block for point in leg.linkage.change_points.points}
+    angles = [] if passing else [figures['transmission_angle']]
+    for number, dyad in enumerate(leg_sheet.transmission, start=1):
+        if number not in passing:
+            angles.append(dyad.from_in_line.value)
+    if not all(angle > MIN_TRANSMISSION_ANGLE for angle in angles):
         raise ProofError('links are in line')
     deviation = np.abs(_foot(leg.linkage) - _foot(candidate.linkage)).max()
     if not deviation <= ROUNDING * leg.linkage.size:

@@ -243,3 +243,19 @@ def test_a_figure_without_a_value_is_a_reason_in_words(lifts: list[float]) -> No
     (reason,) = failing_figures(requirements, [IslandScores(0, losses, scores)])
     alone = '; alone it reaches 0.3 m' if lifts else ''
     assert reason == f'lift has no value where at least 0.5 m is wanted{alone}'
+
+
+def test_a_parallelogram_by_construction_is_found() -> None:
+    search_result = searched(
+        {
+            'linkage': 'four_bar',
+            'units': {'length': 'mm'},
+            'vary': {'O2-A': [60, 90], 'A-B': [150, 200]},
+            'tie': {'O4.x': 'A-B', 'O4-B': 'O2-A'},
+            'figures': {'stride': {'near': 140}},
+            'count': 1,
+        }
+    )
+    (leg,) = search_result.legs
+    assert leg.reached['stride'] == pytest.approx(0.14, rel=0.02)
+    assert leg.linkage.change_points.period == 1
