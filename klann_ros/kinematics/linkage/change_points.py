@@ -48,6 +48,8 @@ SAME_ANGLE = 1e-6
 # Steps of the nodes of an interpolated pose [rad], and its largest error [rad, size].
 NODE_STEP = 5e-3
 NODES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
+# Steps at which the interpolated pose is compared.
+MIDDLES = np.array([-0.5, 0.5])
 MAX_HALVINGS = 12
 INTERPOLATION_ERROR = 1e-10
 _POWERS = np.arange(len(NODES))
@@ -233,9 +235,9 @@ class ChangePoints:
             return None
         radius = NODE_STEP
         for _ in range(MAX_HALVINGS):
-            fit = _Fit(radius, _FIT @ self._coordinates(centre + radius * NODES, other))
-            middle = np.array([-0.5, 0.5]) * radius
-            error = fit.at(middle).x - self._coordinates(centre + middle, other)
+            x = self._coordinates(centre + radius * np.insert(NODES, 4, MIDDLES), other)
+            fit = _Fit(radius, _FIT @ np.delete(x, [4, 5], axis=0))
+            error = fit.at(radius * MIDDLES).x - x[[4, 5]]
             slides = [body.slides for body in self._linkage.structure.bodies[1:]]
             error = np.where(slides, error / self._linkage.size, np.sin(error))
             if np.abs(error).max() <= INTERPOLATION_ERROR:
