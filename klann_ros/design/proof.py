@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import pi
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from klann_ros.datasheet import data_sheet, DataSheet
+from klann_ros.datasheet import data_sheet, DataSheet, LegSheet
 from klann_ros.gait import NoWalkerError, walk_figures
 from klann_ros.kinematics import KinematicsError, Linkage, linkage_poses, tolerance_study
 from klann_ros.kinematics.arrays import FloatArray
@@ -110,13 +111,8 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     if not leg_sheet.turns_fully:
         raise ProofError('the crank does not turn fully')
     figures = sheet_figures(sheet, leg.linkage)
-    # In a change point links are in line, and go on along the tangent. NaN is refused, too.
-    passing = {point.block for point in leg.linkage.change_points.points}
-    angles = [] if passing else [figures['transmission_angle']]
-    for number, dyad in enumerate(leg_sheet.transmission, start=1):
-        if number not in passing:
-            angles.append(dyad.from_in_line.value)
-    if not all(angle > MIN_TRANSMISSION_ANGLE for angle in angles):
+    # NaN is refused, too.
+    if not _least_angle(leg_sheet, figures) > MIN_TRANSMISSION_ANGLE:
         raise ProofError('links are in line')
     deviation = np.abs(_foot(leg.linkage) - _foot(candidate.linkage)).max()
     if not deviation <= ROUNDING * leg.linkage.size:
@@ -145,6 +141,18 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
         non_turning_fraction=non_turning_fraction,
         walker=walker,
     )
+
+
+def _least_angle(leg: LegSheet, figures: Mapping[str, float]) -> float:
+    """Return the least angle of links from in line, but for change points, which lead on [rad]."""
+    passing = {point.block for point in leg.linkage.change_points.points}
+    if not passing:
+        return figures['transmission_angle']
+    angles = [pi / 2.0]
+    for number, dyad in enumerate(leg.transmission, start=1):
+        if number not in passing:
+            angles.append(dyad.from_in_line.value)
+    return float(np.min(angles))
 
 
 def check_file(path: Path, leg: FoundLeg) -> None:

@@ -298,7 +298,7 @@ class Linkage(LoopEquations):
 
     @property
     def assembly_at_zero(self) -> tuple[int, ...]:
-        """Return the assembly of the same motion whose signs hold just after a crank angle of 0."""
+        """Return the signs of the same motion that hold just after a crank angle of 0."""
         if not self.change_points:
             return self.assembly
         at_zero = self.signs(self.change_points.inside(0.0))
