@@ -18,25 +18,15 @@ The leg as it was built: its dimensions by measured points, with honest standard
 (0.4312, True, 66)
 """
 
-from .fit import calibrate, Calibration, SeriesFit
-from .load import COMPUTED_TOPICS, point_topics
-from .measurements import CrankSamples, kind_of, MeasuredSeries, MeasurementError, series_of
-from .model import MeasurementModel, SCALES
-from .observability import Combination, Observability
+from typing import TYPE_CHECKING
 
-__all__ = [
-    'COMPUTED_TOPICS',
-    'SCALES',
-    'Calibration',
-    'Combination',
-    'CrankSamples',
-    'MeasuredSeries',
-    'MeasurementError',
-    'MeasurementModel',
-    'Observability',
-    'SeriesFit',
-    'calibrate',
-    'kind_of',
-    'point_topics',
-    'series_of',
-]
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .fit import calibrate, Calibration, SeriesFit
+    from .load import COMPUTED_TOPICS, point_topics
+    from .measurements import CrankSamples, kind_of, MeasuredSeries, MeasurementError, series_of
+    from .model import MeasurementModel, SCALES
+    from .observability import Combination, Observability
+else:
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -14,36 +14,31 @@ file. `Dynamics` has crank torque, reduced inertia, energies and joint reactions
 angles at once (inverse dynamics); `simulate` integrates the motion by a torque (forward dynamics).
 """
 
-from .balance import Reactions
-from .forces import Dynamics, GRAVITY, NoScipyError, simulate, Simulation, turn_mean, TurnOfForces
-from .masses import (
-    BodyMass,
-    MassBasis,
-    MassError,
-    Masses,
-    masses_from_text,
-    rods,
-    Spring,
-    TorsionSpring,
-)
-from .motion import body_motion
+from typing import TYPE_CHECKING
 
-__all__ = [
-    'GRAVITY',
-    'BodyMass',
-    'Dynamics',
-    'MassBasis',
-    'MassError',
-    'Masses',
-    'NoScipyError',
-    'Reactions',
-    'Simulation',
-    'Spring',
-    'TorsionSpring',
-    'TurnOfForces',
-    'body_motion',
-    'masses_from_text',
-    'rods',
-    'simulate',
-    'turn_mean',
-]
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .balance import Reactions
+    from .forces import (
+        Dynamics,
+        GRAVITY,
+        NoScipyError,
+        simulate,
+        Simulation,
+        turn_mean,
+        TurnOfForces,
+    )
+    from .masses import (
+        BodyMass,
+        MassBasis,
+        MassError,
+        Masses,
+        masses_from_text,
+        rods,
+        Spring,
+        TorsionSpring,
+    )
+    from .motion import body_motion
+else:
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

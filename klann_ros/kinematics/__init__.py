@@ -54,191 +54,93 @@ Drawing                `PoseDrawing`, `pose_svg`
 =====================  ================================================================
 """
 
-from .angles import deg
-from .batch.margins import length_margins, Margin, PartialTurnError, turns_fully
-from .batch.poses import (
-    differences,
-    feet,
-    klann_poses,
-    linkage_poses,
-    loop_errors,
-    transmission_angles,
-    vectors,
-    wrapped,
-)
-from .batch.results import LinkagePoses, Reason
-from .batch.tolerance_study import tolerance_study, ToleranceStudy
-from .batch.turn_clearance import driven_clearances
-from .batch.turns import whole_turns
-from .drawing import colour_of, COLOURS, PoseDrawing
-from .errors import (
-    CrankAngleError,
-    GeometryError,
-    ImmobileDirectionError,
-    KinematicsError,
-    LoopsOpenError,
-    NotAssembledError,
-    NotConvergedError,
-    SingularPoseError,
-    UnreachableError,
-)
-from .foot.figures import path_figures, SampledPaths
-from .foot.inverse import Nearest
-from .foot.path import foot_path, FootPath, GROUND_BAND, NoFootPathError
-from .foot.stance import NoStanceError, Stance
-from .four_bar.geometry import FourBarGeometry
-from .four_bar.linkage import (
-    FourBar,
-    FourBarMotion,
-    FourBarPose,
-    FourBarTable,
-    TransmissionExtremes,
-)
-from .four_bar.mobility import DeadPoint, Grashof, RockerLimits
-from .klann import (
-    BENDS,
-    JOINTS,
-    KlannGeometry,
-    KlannLeg,
-    KlannMotion,
-    KlannPose,
-    LENGTHS,
-    NUMBERS,
-    PRESETS,
-)
-from .linkage.assemblies import assemblies, assembly_poses
-from .linkage.change_points import ChangePoint, SAME_ANGLE
-from .linkage.dyads import cross
-from .linkage.equations import body_points
-from .linkage.file import (
-    content_with_numbers,
-    is_linkage,
-    LENGTH_UNITS,
-    linkage_from_file,
-    linkage_from_text,
-    linkage_text,
-    LinkageFileError,
-    NUMBER_DIGITS,
-    schema_error,
-    SHIPPED,
-    shipped_linkage,
-    shipped_linkages,
-    structure_of,
-)
-from .linkage.joints import body_vectors, solve_rates, vector_velocity, velocity_product
-from .linkage.leg import AnyLeg, Leg, LinkageLeg
-from .linkage.linkage import as_linkage, Linkage
-from .linkage.pose import LinkageMotion, LinkagePose
-from .linkage.reach import crank_limits, reachable_arcs
-from .linkage.structure import Bar, FIXED, GROUND, Structure
-from .linkage.variants import Variants
-from .newton import Iterations
-from .periodic_cubics import periodic_cubics
-from .searches import parabola_peak, peak
-from .svg import pose_svg
-from .validation import check_rate, real_array
+from typing import TYPE_CHECKING
 
-__all__ = [
-    'BENDS',
-    'COLOURS',
-    'FIXED',
-    'GROUND',
-    'GROUND_BAND',
-    'JOINTS',
-    'LENGTHS',
-    'LENGTH_UNITS',
-    'NUMBERS',
-    'NUMBER_DIGITS',
-    'PRESETS',
-    'SAME_ANGLE',
-    'SHIPPED',
-    'AnyLeg',
-    'Bar',
-    'ChangePoint',
-    'CrankAngleError',
-    'DeadPoint',
-    'FootPath',
-    'FourBar',
-    'FourBarGeometry',
-    'FourBarMotion',
-    'FourBarPose',
-    'FourBarTable',
-    'GeometryError',
-    'Grashof',
-    'ImmobileDirectionError',
-    'Iterations',
-    'KinematicsError',
-    'KlannGeometry',
-    'KlannLeg',
-    'KlannMotion',
-    'KlannPose',
-    'Leg',
-    'Linkage',
-    'LinkageFileError',
-    'LinkageLeg',
-    'LinkageMotion',
-    'LinkagePose',
-    'LinkagePoses',
-    'LoopsOpenError',
-    'Margin',
-    'Nearest',
-    'NoFootPathError',
-    'NoStanceError',
-    'NotAssembledError',
-    'NotConvergedError',
-    'PartialTurnError',
-    'PoseDrawing',
-    'Reason',
-    'RockerLimits',
-    'SampledPaths',
-    'SingularPoseError',
-    'Stance',
-    'Structure',
-    'ToleranceStudy',
-    'TransmissionExtremes',
-    'UnreachableError',
-    'Variants',
-    'as_linkage',
-    'assemblies',
-    'assembly_poses',
-    'body_points',
-    'body_vectors',
-    'check_rate',
-    'colour_of',
-    'content_with_numbers',
-    'crank_limits',
-    'cross',
-    'deg',
-    'differences',
-    'driven_clearances',
-    'feet',
-    'foot_path',
-    'is_linkage',
-    'klann_poses',
-    'length_margins',
-    'linkage_from_file',
-    'linkage_from_text',
-    'linkage_poses',
-    'linkage_text',
-    'loop_errors',
-    'parabola_peak',
-    'path_figures',
-    'peak',
-    'periodic_cubics',
-    'pose_svg',
-    'reachable_arcs',
-    'real_array',
-    'schema_error',
-    'shipped_linkage',
-    'shipped_linkages',
-    'solve_rates',
-    'structure_of',
-    'tolerance_study',
-    'transmission_angles',
-    'turns_fully',
-    'vector_velocity',
-    'vectors',
-    'velocity_product',
-    'whole_turns',
-    'wrapped',
-]
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .angles import deg
+    from .batch.margins import length_margins, Margin, PartialTurnError, turns_fully
+    from .batch.poses import (
+        differences,
+        feet,
+        klann_poses,
+        linkage_poses,
+        loop_errors,
+        transmission_angles,
+        vectors,
+        wrapped,
+    )
+    from .batch.results import LinkagePoses, Reason
+    from .batch.tolerance_study import tolerance_study, ToleranceStudy
+    from .batch.turn_clearance import driven_clearances
+    from .batch.turns import whole_turns
+    from .cubics import periodic_cubics
+    from .drawing import colour_of, COLOURS, PoseDrawing
+    from .errors import (
+        CrankAngleError,
+        GeometryError,
+        ImmobileDirectionError,
+        KinematicsError,
+        LoopsOpenError,
+        NotAssembledError,
+        NotConvergedError,
+        SingularPoseError,
+        UnreachableError,
+    )
+    from .foot.figures import path_figures, SampledPaths
+    from .foot.inverse import Nearest
+    from .foot.path import foot_path, FootPath, GROUND_BAND, NoFootPathError
+    from .foot.stance import NoStanceError, Stance
+    from .four_bar.geometry import FourBarGeometry
+    from .four_bar.linkage import (
+        FourBar,
+        FourBarMotion,
+        FourBarPose,
+        FourBarTable,
+        TransmissionExtremes,
+    )
+    from .four_bar.mobility import DeadPoint, Grashof, RockerLimits
+    from .klann import (
+        BENDS,
+        JOINTS,
+        KlannGeometry,
+        KlannLeg,
+        KlannMotion,
+        KlannPose,
+        LENGTHS,
+        NUMBERS,
+        PRESETS,
+    )
+    from .linkage.assemblies import assemblies, assembly_poses
+    from .linkage.change_points import ChangePoint, SAME_ANGLE
+    from .linkage.dyads import cross
+    from .linkage.equations import body_points
+    from .linkage.file import (
+        content_with_numbers,
+        is_linkage,
+        LENGTH_UNITS,
+        linkage_from_file,
+        linkage_from_text,
+        linkage_text,
+        LinkageFileError,
+        NUMBER_DIGITS,
+        schema_error,
+        SHIPPED,
+        shipped_linkage,
+        shipped_linkages,
+        structure_of,
+    )
+    from .linkage.joints import body_vectors, solve_rates, vector_velocity, velocity_product
+    from .linkage.leg import AnyLeg, Leg, LinkageLeg
+    from .linkage.linkage import as_linkage, Linkage
+    from .linkage.pose import LinkageMotion, LinkagePose
+    from .linkage.reach import crank_limits, reachable_arcs
+    from .linkage.structure import Bar, FIXED, GROUND, Structure
+    from .linkage.variants import Variants
+    from .newton import Iterations
+    from .searches import parabola_peak, peak
+    from .svg import pose_svg
+    from .validation import check_rate, real_array
+else:
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

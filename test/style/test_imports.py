@@ -20,11 +20,11 @@ ALLOWED = {
     'sanitize': set(),
     'cli': {'lazy_face', 'sanitize'},
     'engines': set(),
-    'kinematics': {'sanitize'},
+    'kinematics': {'lazy_face', 'sanitize'},
     'synthesis': {'lazy_face', 'sanitize', 'kinematics'},
     'messages': {'lazy_face', 'sanitize'},
     'log': {'cli', 'lazy_face', 'messages', 'sanitize'},
-    'dynamics': {'sanitize', 'kinematics'},
+    'dynamics': {'lazy_face', 'sanitize', 'kinematics'},
     'robot': {'lazy_face', 'sanitize', 'kinematics', 'dynamics'},
     'gait': {'lazy_face', 'kinematics', 'dynamics', 'robot'},
     'walker': {'lazy_face', 'kinematics', 'dynamics', 'robot', 'gait'},
@@ -45,7 +45,8 @@ ALLOWED = {
         *('cli', 'lazy_face', 'sanitize', 'kinematics', 'dynamics', 'robot', 'gait', 'web'),
     },
     'calibration': {
-        *('cli', 'sanitize', 'messages', 'kinematics', 'robot', 'log', 'web', 'datasheet'),
+        *('cli', 'lazy_face', 'sanitize', 'messages', 'kinematics', 'robot', 'log', 'web'),
+        'datasheet',
     },
     'exercises': {
         *('cli', 'lazy_face', 'sanitize', 'kinematics', 'synthesis', 'plotting', 'web'),

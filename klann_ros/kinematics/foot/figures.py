@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
-from klann_ros.kinematics.periodic_cubics import periodic_cubics
+from klann_ros.kinematics.cubics import periodic_cubics
 from klann_ros.kinematics.searches import parabola_peak
 import numpy as np
 
