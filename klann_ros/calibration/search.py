@@ -22,7 +22,12 @@ BETTER = 0.7
 
 
 def check_measurements(model: MeasurementModel, measured: Sequence[MeasuredSeries]) -> None:
-    """Refuse too few samples, a crank that stands, and sizes that are no error: millimetres."""
+    """Refuse change points, few samples, a crank that stands, and sizes in millimetres."""
+    if model.linkage.change_points:
+        raise MeasurementError(
+            'it passes change points, which a leg of slightly different dimensions does only by '
+            'its play: measured points do not tell its dimensions; measure its bars'
+        )
     for series in measured:
         if len(series.times) < MIN_SAMPLES:
             raise MeasurementError(

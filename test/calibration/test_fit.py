@@ -26,6 +26,16 @@ def photographed(points: np.ndarray, factor: complex, shift: complex) -> np.ndar
     return np.column_stack([seen.real, seen.imag])
 
 
+def test_a_linkage_with_change_points_is_refused() -> None:
+    """One of other dimensions jams beside them: the fit cannot leave the drawing."""
+    drawn = shipped_linkage('parallelogram')
+    times = np.linspace(0.0, 4.0, 200)
+    crank = CrankSamples.of(times, 2.0 * times)
+    feet = linkage_poses(drawn, 2.0 * times).h
+    with pytest.raises(MeasurementError, match='it passes change points'):
+        calibrate(drawn, [series_of('point', 'P', times, feet, crank)])
+
+
 # What a log of the Klann leg can tell: condition, worst length and l_gh [mm], zero [deg].
 @pytest.mark.parametrize(
     ('points', 'angle', 'condition', 'worst', 'l_gh', 'zero'),
