@@ -19,7 +19,7 @@ from .branch import Branch
 from .change_points import ChangePoints, COURSES, InterpolatedPose, PARALLEL
 from .dimension_derivatives import vector_derivatives
 from .equations import LoopEquations, path_terms, real_rows, term_matrix
-from .structure import dimension_places, GROUND, Structure
+from .structure import dimension_places, FIXED, Structure
 
 # Newton-Raphson needs only a few corrections from a usable start.
 MAX_START_ITERATIONS = 50
@@ -258,7 +258,7 @@ class Linkage(LoopEquations):
             elif dimension.kind in {'x', 'y'}:
                 pivot = factor * self.pivots[dimension.place] + shift
                 numbers[n] = pivot.real if dimension.kind == 'x' else pivot.imag
-            elif bodies[self.structure.bars[dimension.place][0]].along == GROUND:
+            elif self.structure.frames[self.structure.bars[dimension.place][0]] == FIXED:
                 numbers[n] = remainder(numbers[n] + dimension.sense * rotation, TURN)
         start = [] if self.is_dyadic else [*self.start]
         for j, body in enumerate(bodies if start else ()):

@@ -105,7 +105,9 @@ def test_the_klann_file_is_the_klann_leg() -> None:
         np.testing.assert_allclose(pose.transmission_angles, (mu_1, math.pi - mu_2))
 
 
-@pytest.mark.parametrize('name', ['klann', 'stephenson', 'slider_crank', 'quick_return'])
+@pytest.mark.parametrize(
+    'name', ['klann', 'stephenson', 'slider_crank', 'quick_return', 'scotch_yoke']
+)
 def test_a_moved_linkage_moves_with_its_crank(name: str) -> None:
     linkage = shipped_linkage(name)
     factor = 1.7 * np.exp(2.5j)
