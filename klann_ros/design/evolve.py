@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from klann_ros.kinematics import linkage_poses, Variants
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
 import numpy as np
 
-from .figures import judge
+from .figures import CANDIDATE_ANGLES, crank_angles, judge
+from .poses import EXACT_IN_SEARCH
 from .requirements import Requirements
 from .space import Space
 
@@ -19,6 +21,7 @@ MAX_JUDGED = 1024
 WORST_LOSS = 1e9
 # The search holds limits with this relative distance: its figures are exact to 1e-4.
 LIMIT_MARGIN = 5e-4
+SEARCH_VALUES = {'exact_error': EXACT_IN_SEARCH}
 
 
 class Scores(NamedTuple):
@@ -52,7 +55,8 @@ def scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
     """Return the scores of candidates, x of shape (n, d) in [0, 1]."""
     chunks = []
     for start in range(0, max(1, len(x)), MAX_JUDGED):
-        chunks.append(_scores(requirements, space, x[slice(start, start + MAX_JUDGED)]))
+        variants = space.variants(x[slice(start, start + MAX_JUDGED)])
+        chunks.append(variant_scores(requirements, variants))
     return joined(chunks)
 
 
@@ -66,16 +70,18 @@ def joined(chunks: Sequence[Scores]) -> Scores:
     return Scores(losses, violations, figures)
 
 
-def _scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
+def variant_scores(requirements: Requirements, variants: Variants) -> Scores:
     """Return the scores of candidates, computed at once."""
-    variants = space.variants(x)
     names = frozenset(requirements.figures)
     judgement = judge(variants, names, requirements.load)
     figures = judgement.figures
     if requirements.target is not None:
-        figures['path_error'] = np.full(len(x), np.nan)
+        figures['path_error'] = np.full(len(variants), np.nan)
         turning = np.flatnonzero(judgement.turns)
         figures['path_error'][turning] = requirements.target.fit(judgement.h[turning]).error
+    if requirements.poses or requirements.areas:
+        poses: Any = linkage_poses(variants, crank_angles(CANDIDATE_ANGLES), points=True)
+        figures |= requirements.turn_figures(variants.base.structure, poses.points)
     losses = []
     for aim in requirements.cheap_aims:
         losses.append(np.where(judgement.turns, aim.loss(figures[aim.figure]), WORST_LOSS))
@@ -83,8 +89,10 @@ def _scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
     losses = losses or [np.where(judgement.turns, 0.0, WORST_LOSS)]
     violations = [judgement.jam]
     for limit in requirements.cheap_limits:
-        scale = abs(limit.value) or 1.0
-        shortfall = limit.shortfall(figures[limit.figure]) / scale + LIMIT_MARGIN
+        # The refinement of exact poses begins near them.
+        bound = limit._replace(value=SEARCH_VALUES.get(limit.figure, limit.value))
+        scale = abs(bound.value) or (variants.base.size if limit.unit == 'm' else 1.0)
+        shortfall = bound.shortfall(figures[limit.figure]) / scale + LIMIT_MARGIN
         violations.append(np.where(judgement.turns, shortfall, 10.0))
     loss_table = np.nan_to_num(np.array(losses), nan=WORST_LOSS, posinf=WORST_LOSS).T
     return Scores(

@@ -59,6 +59,10 @@ FIGURES = {
     'point_error': FigureKind(
         'rms distance of the given points of path', 'm', is_costly=True, needs='path'
     ),
+    'pose_error': FigureKind('rms distance from the poses', 'm', needs='poses'),
+    'exact_error': FigureKind('of exact poses, relative to the size of the leg', needs='poses'),
+    'area_clearance': FigureKind('from forbidden areas', 'm', -inf, needs='forbidden'),
+    'rounding_error': FigureKind('from what can be cut', 'm', is_costly=True, needs='round'),
     'margin': FigureKind('relative change of a length until it jams', '', is_costly=True),
     'turning_fraction': FigureKind(
         'of legs within the tolerance', '', 0.0, 1.0, is_costly=True, needs='tolerance'

@@ -14,6 +14,7 @@ from klann_ros.robot import Robot, robot_from_file, robot_from_text, RobotLeg
 from klann_ros.sanitize.text import printable
 import numpy as np
 
+from .areas import area_clearance
 from .figures import crank_angles, sheet_figures
 from .leg_file import leg_text, parameter_text, walker_parameters, with_numbers
 from .refine import path_error, point_error
@@ -27,6 +28,8 @@ STUDY_ANGLES = 180
 SHEET_SAMPLES = 360
 # Crank angles of the comparison of a leg with its candidate.
 PROOF_ANGLES = 1024
+# Poses nearest to forbidden areas, around which the clearance is computed at finer steps.
+NEAREST_POSES = 16
 # Poses with links nearer to a line are ill-conditioned: rounding decides their branch [rad].
 MIN_TRANSMISSION_ANGLE = 1e-3
 # Rounding of a file: distance of its foot from the candidate's, relative to the leg's size.
@@ -120,6 +123,7 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     if requirements.target is not None:
         figures['path_error'] = path_error(requirements.target, leg.linkage)
         figures['point_error'] = point_error(requirements.target, leg.linkage)
+    figures |= _task_figures(requirements, candidate.space, leg.linkage)
     non_turning_fraction = _non_turning_fraction(leg.linkage, requirements.tolerance)
     figures['turning_fraction'] = 1.0 - non_turning_fraction
     walker = None
@@ -173,6 +177,27 @@ def _read_leg(text: str) -> RobotLeg:
 def _foot(linkage: Linkage) -> FloatArray:
     """Return the foot's path, shape (k, 2) [m]; NaN where a loop does not close."""
     return linkage_poses(linkage, crank_angles(PROOF_ANGLES)).h
+
+
+def _task_figures(requirements: Requirements, space: Space, linkage: Linkage) -> dict[str, float]:
+    """Return the figures of poses, forbidden areas and rounded dimensions."""
+    figures: dict[str, float] = {}
+    structure = linkage.structure
+    alphas = crank_angles(PROOF_ANGLES)
+    points: Any = linkage_poses(linkage, alphas, points=True).points
+    if requirements.poses is not None:
+        size = np.ptp(points, axis=(0, 1)).max()
+        figures |= requirements.poses.figures(requirements.poses.nearest(linkage)[1], size)
+    if requirements.areas:
+        clearances = area_clearance(requirements.areas, structure, points)
+        nearest = alphas[np.argsort(clearances)[:NEAREST_POSES]]
+        around = nearest[:, None] + alphas[1] * np.linspace(-1.0, 1.0, PROOF_ANGLES // 8)
+        points = linkage_poses(linkage, around, points=True).points
+        closest = area_clearance(requirements.areas, structure, points).min()
+        figures['area_clearance'] = float(closest)
+    if requirements.rounding is not None:
+        figures['rounding_error'] = requirements.rounding.error(space, linkage)
+    return figures
 
 
 def _massless_sheet(requirements: Requirements, linkage: Linkage) -> DataSheet:

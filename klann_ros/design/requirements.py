@@ -1,7 +1,7 @@
 """Requirements: the linkages, what may vary, and the figures that are aimed at or limited."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 import json
 from math import inf
@@ -9,15 +9,19 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.datasheet import Motor, motor_from_file, MotorFileError
-from klann_ros.kinematics import schema_error
+from klann_ros.kinematics import schema_error, Structure
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import preset_names, robot_of, RobotFileError, RobotLeg
 from klann_ros.sanitize.text import did_you_mean, printable
 from klann_ros.sanitize.units import warn_of_lengths
 from klann_ros.sanitize.yaml_text import content_of_file
 import numpy as np
 
+from .areas import Area, area_clearance, areas_from
 from .figures import FIGURES
 from .grow import grown_spaces
+from .poses import EXACT_ERROR, poses_from, PoseTarget
+from .rounding import FILE_ERROR, Rounding
 from .space import RequirementsError, Space, Units, varied_space
 from .target import Target, target_from
 
@@ -48,6 +52,11 @@ class Limit(NamedTuple):
     sense: str
     value: float
 
+    @property
+    def unit(self) -> str:
+        """Return the SI unit of its figure."""
+        return FIGURES[self.figure].unit
+
     def shortfall(self, figures: Any) -> Any:
         """Return by how much figures miss the bound; 0 or less if they hold it."""
         return self.value - figures if self.sense == 'at_least' else figures - self.value
@@ -69,6 +78,9 @@ class Requirements:
     limits: tuple[Limit, ...]
     units: Units
     target: Target | None = None
+    poses: PoseTarget | None = None
+    areas: tuple[Area, ...] = ()
+    rounding: Rounding | None = None
     load: float = 0.0
     speed: float = 2.0 * np.pi
     tolerance: float = 0.0
@@ -91,6 +103,24 @@ class Requirements:
     def figure_text(self, figure: str, value: float | None) -> str:
         """Return a figure (SI) in its unit, or an empty text."""
         return '' if value is None else self.units.text(value, FIGURES[figure].unit)
+
+    def turn_figures(self, structure: Structure, points: FloatArray) -> dict[str, FloatArray]:
+        """Return the figures of all points of n legs at equal steps, shape (n, k, p, 2) [m]."""
+        figures: dict[str, FloatArray] = {}
+        if self.poses is not None:
+            size = np.ptp(points, axis=(1, 2)).max(axis=-1)
+            figures |= self.poses.figures(self.poses.locate(structure, points)[1], size)
+        if self.areas:
+            clearances = area_clearance(self.areas, structure, points)
+            figures['area_clearance'] = clearances.min(axis=-1)
+        return figures
+
+    def without_motion(self) -> 'Requirements':
+        """Return the requirements of a leg that is placed on its path already."""
+        if self.target is None:
+            return self
+        fixed = replace(self.target, can_move=False, can_turn=False, can_scale=False)
+        return replace(self, target=fixed)
 
     @property
     def cheap_aims(self) -> tuple[Aim, ...]:
@@ -150,14 +180,15 @@ def requirements_from(
         spaces += (varied_space(leg, content, units, several=len(legs) > 1),)
     if 'grow' in content:
         spaces += grown_spaces(content['grow'], units, target)
-    if target is not None and not any(aim.figure == 'path_error' for aim in aims):
-        aims = (Aim('path_error', 'minimize'), *aims)
-    motor = None
-    if 'motor' in content:
-        try:
-            motor = motor_from_file(_beside(content['motor'], folder))
-        except MotorFileError as error:
-            raise RequirementsError(f'motor: {error}') from error
+    poses = poses_from(content['poses'], units) if 'poses' in content else None
+    areas = areas_from(content.get('forbidden', ()), metre)
+    rounding = Rounding.of(content['round'], units) if 'round' in content else None
+    limits += _own_limits(limits, poses, areas, rounding)
+    defaults = {'path_error': target is not None}
+    defaults['pose_error'] = poses is not None and not poses.is_exact.all()
+    for figure, is_aim in defaults.items():
+        if is_aim and figure not in {aim.figure for aim in aims}:
+            aims = (Aim(figure, 'minimize'), *aims)
     requirements = Requirements(
         spaces=spaces,
         # Without an aim the best leg is the one farthest from jamming.
@@ -165,10 +196,13 @@ def requirements_from(
         limits=limits,
         units=units,
         target=target,
+        poses=poses,
+        areas=areas,
+        rounding=rounding,
         load=float(content.get('load', 0.0)),
         speed=float(content.get('speed', 2.0 * np.pi)),
         tolerance=metre * float(content.get('tolerance', 0.0)),
-        motor=motor,
+        motor=_motor(content['motor'], folder) if 'motor' in content else None,
         walker=content.get('walker'),
         # A schema's whole numbers may be written as 2.0.
         count=int(content.get('count', DEFAULT_COUNT)),
@@ -178,6 +212,23 @@ def requirements_from(
     if 'length' not in content.get('units', {}):
         _warn_of_lengths(requirements, content)
     return requirements
+
+
+def _own_limits(
+    limits: Iterable[Limit],
+    poses: PoseTarget | None,
+    areas: tuple[Area, ...],
+    rounding: Rounding | None,
+) -> tuple[Limit, ...]:
+    """Return the limits of exact poses, areas and rounding that are not among the others."""
+    own_limits: list[Limit] = []
+    if poses is not None and poses.is_exact.any():
+        own_limits.append(Limit('exact_error', 'at_most', EXACT_ERROR))
+    if areas and 'area_clearance' not in {limit.figure for limit in limits}:
+        own_limits.append(Limit('area_clearance', 'at_least', 0.0))
+    if rounding is not None:
+        own_limits.append(Limit('rounding_error', 'at_most', FILE_ERROR))
+    return tuple(own_limits)
 
 
 def _warn_of_lengths(requirements: Requirements, content: Mapping[str, Any]) -> None:
@@ -202,6 +253,22 @@ def _warn_of_lengths(requirements: Requirements, content: Mapping[str, Any]) -> 
 
 
 def _check_needs(requirements: Requirements, content: Mapping[str, Any]) -> None:
+    """Refuse requirements that lack what others need, or that exclude each other."""
+    poses = requirements.poses
+    target = requirements.target
+    for space in requirements.spaces:
+        if poses is not None:
+            poses.bar(space.linkage.structure)
+    if poses is not None and poses.is_exact.any() and requirements.rounding is not None:
+        raise RequirementsError(
+            'poses: no rounded leg meets them exactly: leave out exact or round'
+        )
+    is_moved = target is not None and (target.can_move or target.can_turn or target.can_scale)
+    if is_moved and (poses is not None or requirements.areas):
+        raise RequirementsError(
+            'path: beside poses or forbidden it must have move, turn and scale: false; place '
+            'moves the leg'
+        )
     for name in requirements.figures:
         needs = FIGURES[name].needs
         if needs and needs not in content:
@@ -223,6 +290,13 @@ def _target(
     if not all(leg.description for leg in legs):
         raise RequirementsError('path needs a linkage with pivots of its own, such as klann')
     return target
+
+
+def _motor(name: str, folder: Path) -> Motor:
+    try:
+        return motor_from_file(_beside(name, folder))
+    except MotorFileError as error:
+        raise RequirementsError(f'motor: {error}') from error
 
 
 def _beside(name: str, folder: Path) -> str:

@@ -27,12 +27,15 @@ from .evolve import (
     Scores,
     scores,
     spread,
+    variant_scores,
     WORST_LOSS,
 )
 from .figures import FIGURES
+from .poses import refined_on_poses
 from .proof import FittedCandidate, FoundLeg, ProofError, prove
 from .refine import refined
 from .requirements import Aim, Limit, Requirements
+from .rounding import rounded
 
 # Islands of a search, whatever the number of processes; and their rounds, after which they
 # exchange their best.
@@ -575,16 +578,25 @@ def _chosen(requirements: Requirements, survivors: Sequence[Survivor], state: St
 
 
 def _fitted(requirements: Requirements, survivor: Survivor) -> FittedCandidate | CandidateRefusal:
-    """Return a candidate, refined on a path; or why it is no linkage."""
+    """Return a candidate, refined on a path or poses, and rounded; or why it is no linkage."""
     space = requirements.spaces[survivor.space]
     target = requirements.target
+    poses = requirements.poses
+    figures = survivor.figures
     try:
-        if target is None:
-            return FittedCandidate(space, space.variants(survivor.x[None])[0], survivor.figures)
-        linkage, distance = refined(target, space, survivor.x)
+        if target is not None and poses is None:
+            linkage, distance = refined(target, space, survivor.x)
+            figures = {**figures, 'path_error': distance}
+        else:
+            poses = poses if target is None or poses is None else poses.with_path(target.points)
+            x = survivor.x if poses is None else refined_on_poses(poses, space, survivor.x)
+            linkage = space.variants(x[None])[0]
+        if requirements.rounding is not None:
+            judge = partial(variant_scores, requirements.without_motion())
+            linkage = rounded(requirements.rounding, space, linkage, judge)
     except GeometryError as error:
         return CandidateRefusal(str(error))
-    return FittedCandidate(space, linkage, {**survivor.figures, 'path_error': distance})
+    return FittedCandidate(space, linkage, figures)
 
 
 def _proven(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg | CandidateRefusal:

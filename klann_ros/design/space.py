@@ -1,17 +1,19 @@
 """The dimensions of a linkage that vary, and their ranges; units, and the error."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from math import radians
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import LENGTH_UNITS, Linkage, Variants
+from klann_ros.kinematics import FIXED, LENGTH_UNITS, Linkage, Variants
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import RobotLeg
 from klann_ros.sanitize.text import did_you_mean, printable
 import numpy as np
 
 DEFAULT_PERCENT = 20.0
+# Variables of the motion of a whole linkage in its plane.
+PLACE = ('place.x', 'place.y', 'place.turn')
 
 
 class RequirementsError(ValueError):
@@ -66,26 +68,44 @@ class Space:
     def variants(self, x: FloatArray) -> Variants:
         """Return candidates, x of shape (n, d) in [0, 1]."""
         numbers = self.low + x * (self.high - self.low)
-        columns = dict(zip(self.names, numbers.T, strict=True))
+        columns: dict[str, Any] = dict(zip(self.names, numbers.T, strict=True))
         first_mode = len(self.names) - self.dyads
         signs = [np.copysign(1.0, columns.pop(name)) for name in self.names[first_mode:]]
         scale = columns.pop('scale', None)
         drawn = self.linkage.dimensions
         for name, (leader, sign) in self.ties.items():
             columns[name] = sign * columns.get(leader, np.full(len(x), drawn[leader]))
+        motion = {name: columns.pop(name) for name in PLACE if name in columns}
         if scale is not None:
             for dimension in self.linkage.structure.dimensions:
                 if dimension.unit == 'm':
                     name = dimension.name
                     columns[name] = scale * columns.get(name, drawn[name])
+        if motion:
+            self._place(columns, motion)
         return Variants(self.linkage, columns, assembly=signs or None)
+
+    def _place(self, columns: dict[str, Any], motion: Mapping[str, FloatArray]) -> None:
+        """Turn linkages about the origin, and move them."""
+        structure = self.linkage.structure
+        numbers = {**self.linkage.dimensions, **columns}
+        x, y, turn = (motion.get(name, 0.0) for name in PLACE)
+        for name in structure.pivots:
+            z = numbers[f'{name}.x'] + 1j * numbers[f'{name}.y']
+            placed = z * np.exp(1j * turn) + x + 1j * y
+            columns |= {f'{name}.x': placed.real, f'{name}.y': placed.imag}
+        for d in structure.dimensions:
+            if d.kind == 'bend' and structure.frames[structure.bars[d.place][0]] == FIXED:
+                angle = numbers[d.name] + d.sense * turn + np.pi
+                columns[d.name] = np.remainder(angle, 2.0 * np.pi) - np.pi
 
     def sample(self, random: np.random.Generator, count: int) -> FloatArray:
         """Return random candidates, shape (n, d); the first is the linkage as drawn."""
         if self.draw is not None:
             return self.draw(self, random, count)
         x = random.uniform(size=(count, len(self.names)))
-        drawn = np.array([self.linkage.dimensions.get(name, 1.0) for name in self.names])
+        neutral = {'scale': 1.0, **dict.fromkeys(PLACE, 0.0), **self.linkage.dimensions}
+        drawn = np.array([neutral[name] for name in self.names])
         x[0] = np.clip((drawn - self.low) / (self.high - self.low), 0.0, 1.0)
         return x
 
@@ -125,10 +145,26 @@ def varied_space(
         if not low < high:
             raise RequirementsError(f'scale: the range [{low:g}, {high:g}] is empty')
         free_ranges['scale'] = low, high
+    free_ranges |= _place_ranges(content.get('place', {}), leg, units)
     if not free_ranges:
         raise RequirementsError('vary leaves nothing to vary: give a percentage > 0, or ranges')
     ends = np.array([*free_ranges.values()], dtype=np.float64)
     return Space(leg, tuple(free_ranges), ends[:, 0], ends[:, 1], ties)
+
+
+def _place_ranges(
+    content: Mapping[str, Any], leg: RobotLeg, units: Units
+) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Yield the variables of a motion of the whole linkage, and their ranges [m, rad]."""
+    if content and not leg.description:
+        raise RequirementsError('place needs a linkage with pivots of its own, such as klann')
+    if 'turn' in content and not leg.linkage.is_dyadic:
+        raise RequirementsError('place.turn: linkages with coupled loops are only moved')
+    for key, (low, high) in content.items():
+        size = units.size('rad' if key == 'turn' else 'm')
+        if not low < high:
+            raise RequirementsError(f'place.{key}: the range [{low:g}, {high:g}] is empty')
+        yield f'place.{key}', (size * low, size * high)
 
 
 def _range(dimension: Any, drawn: float, wanted: Any, units: Units) -> tuple[float, float]:

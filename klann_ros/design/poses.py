@@ -1,0 +1,232 @@
+"""Poses that a bar takes in a turn, some of them exactly: motion generation."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from klann_ros.kinematics import Linkage, linkage_poses, Structure
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import BoolArray, ComplexArray, FloatArray
+import numpy as np
+
+from .figures import crank_angles
+from .space import RequirementsError, Space, Units
+
+# Greatest error of exact poses relative to the leg's size, and that of candidates to be refined;
+# weight of exact poses in the refinement.
+EXACT_ERROR, EXACT_IN_SEARCH, EXACT_WEIGHTS = 1e-6, 0.05, (1.0, 1e2, 1e4)
+# Crank angles between which the nearest pose is sought; Gauss-Newton steps to it, and the
+# half-width of their central differences [rad].
+NEAREST_ANGLES, NEAREST_STEPS, NEAREST_WIDTH = 720, 6, 1e-5
+NEAREST_STEP = TURN / NEAREST_ANGLES
+MAX_STEPS, FIRST_DAMPING, MAX_DAMPING, MIN_GAIN = 60, 1e-2, 1e4, 1e-7
+# Points of a path in the refinement.
+MAX_PATH_POINTS = 32
+# A start on an end of a range is just within it.
+MARGIN = 1e-9
+# Residual of a candidate that does not turn [m].
+WORST_MISS = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTarget:
+    """
+    Poses of the bar from `start` to `point`; without names that of the foot.
+
+    The distance d from a pose is that of the point and, at the length l of the bar, of its angle:
+    d^2 = |p - p_i|^2 + (2 l sin((theta - theta_i) / 2))^2.
+
+    Attributes
+    ----------
+    points, angles : numpy.ndarray, shape (k,)
+        Of the point, complex [m], and of the bar [rad]; NaN for any.
+    cranks : numpy.ndarray, shape (k,)
+        Crank angles from that of the first pose [rad]; NaN for the nearest.
+    is_exact : numpy.ndarray of bool, shape (k,)
+        Whether each pose is to be met exactly.
+
+    """
+
+    start: str
+    point: str
+    points: ComplexArray
+    angles: FloatArray
+    cranks: FloatArray
+    is_exact: BoolArray
+
+    @property
+    def is_timed(self) -> bool:
+        """Return whether the crank angles between the poses are prescribed."""
+        return bool(np.isfinite(self.cranks).all())
+
+    def with_path(self, points: ComplexArray) -> 'PoseTarget':
+        """Return it with points of a path of the foot, if it is of the foot and without timing."""
+        if self.point or self.is_timed:
+            return self
+        points = points[:: max(1, len(points) // MAX_PATH_POINTS)]
+        free = np.full(len(points), np.nan)
+        return replace(
+            self,
+            points=np.concatenate([self.points, points]),
+            angles=np.concatenate([self.angles, free]),
+            cranks=np.concatenate([self.cranks, free]),
+            is_exact=np.concatenate([self.is_exact, np.zeros(len(points), dtype=bool)]),
+        )
+
+    def bar(self, structure: Structure) -> list[int]:
+        """Return the indices of both ends of the bar; a RequirementsError if there is none."""
+        for body in structure.bodies:
+            for bar in body.rigid:
+                if not self.point and bar.end == structure.foot:
+                    return [structure.points.index(name) for name in (bar.start, bar.end)]
+            ends = {name for bar in body.rigid for name in (bar.start, bar.end)}
+            if {self.start, self.point} <= ends:
+                return [structure.points.index(name) for name in (self.start, self.point)]
+        bars = ', '.join(f'{bar.start}-{bar.end}' for _, bar in structure.bars)
+        raise RequirementsError(f'poses: no body has from and point; the bars are {bars}')
+
+    def misses(self, structure: Structure, points: Any) -> ComplexArray:
+        """Return both parts of the distances, points of shape (..., k, p, 2) [m]."""
+        start, end = np.moveaxis(points[..., self.bar(structure), :] @ (1.0, 1j), -1, 0)
+        bar = end - start
+        # A pose without a point, or without an angle, has no such part.
+        shift = np.where(np.isnan(self.points), 0.0, end - self.points)
+        turned = bar - np.abs(bar) * np.exp(1j * np.nan_to_num(self.angles))
+        return np.stack([shift, np.where(np.isnan(self.angles), 0.0, turned)], axis=-1)
+
+    def locate(self, structure: Structure, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """
+        Return the crank angles nearest to the poses, and the distances [m].
+
+        Of n linkages at g equal steps of the crank, points of shape (n, g, p, 2); shapes (n, k).
+        """
+        misses = self.misses(structure, points[:, :, None])
+        step_count = misses.shape[1]
+        steps = np.roll(misses, -1, axis=1) - misses
+        if self.is_timed:
+            first = np.floor(self.cranks * (step_count / TURN)).astype(int)
+            along = np.broadcast_to(self.cranks * (step_count / TURN) - first, misses.shape[:-1])
+            rows = (np.arange(step_count)[:, None] + first) % step_count
+            misses, steps = (part[:, rows, np.arange(len(first))] for part in (misses, steps))
+        else:
+            first = 0
+            with np.errstate(all='ignore'):
+                along = -(np.conj(steps) * misses).real.sum(axis=-1) / _squares(steps)
+            along = np.clip(along, 0.0, 1.0)
+        squares = _squares(misses + along[..., None] * steps)
+        total = squares.sum(axis=-1, keepdims=True) if self.is_timed else squares
+        nearest = np.broadcast_to(total.argmin(axis=1), squares[:, 0].shape)[:, None]
+        place = nearest + np.take_along_axis(along, nearest, 1) + first
+        distances = np.sqrt(np.take_along_axis(squares, nearest, 1))
+        return place[:, 0] * (TURN / step_count), distances[:, 0]
+
+    def nearest(self, linkage: Linkage) -> tuple[FloatArray, FloatArray]:
+        """Return the crank angles nearest to the poses, and the distances [m], shapes (k,)."""
+        turn: Any = linkage_poses(linkage, crank_angles(NEAREST_ANGLES), points=True)
+        alphas = self.locate(linkage.structure, turn.points[None])[0][0]
+        for _ in range(NEAREST_STEPS):
+            around = alphas + NEAREST_WIDTH * np.array([[-1.0], [0.0], [1.0]])
+            poses: Any = linkage_poses(linkage, around, points=True)
+            earlier, misses, later = self.misses(linkage.structure, poses.points)
+            rates = (later - earlier) / (2.0 * NEAREST_WIDTH)
+            slopes = (np.conj(rates) * misses).real.sum(axis=-1)
+            bends = _squares(rates)
+            newton_step = slopes.sum() / bends.sum() if self.is_timed else slopes / bends
+            alphas = alphas - np.clip(newton_step, -NEAREST_STEP, NEAREST_STEP)
+        return alphas, np.sqrt(_squares(misses))
+
+    def figures(self, distances: FloatArray, size: Any) -> dict[str, Any]:
+        """Return the figures of distances, shape (..., k), and of the legs' sizes [m]."""
+        exact = distances[..., self.is_exact].max(axis=-1, initial=0.0)
+        return {'pose_error': np.sqrt((distances**2).mean(axis=-1)), 'exact_error': exact / size}
+
+
+def refined_on_poses(target: PoseTarget, space: Space, x: FloatArray) -> FloatArray:
+    """Return a candidate nearer to its poses, x of shape (d,)."""
+    first_alphas = target.nearest(space.variants(x[None])[0])[0]
+    variables = np.concatenate([x, np.zeros(1 if target.is_timed else len(first_alphas))])
+    for weight in EXACT_WEIGHTS:
+        fit = _PoseFit(target, space, first_alphas, weight)
+        variables = _least_squares(fit, variables)
+    return variables[: len(x)]
+
+
+class _PoseFit(NamedTuple):
+    """Residuals of a candidate; its variables are x and changes of the crank angles."""
+
+    target: PoseTarget
+    space: Space
+    alphas: FloatArray
+    exact_weight: float
+
+    def misses(self, x: FloatArray, alphas: FloatArray) -> Any:
+        """Return the weighted parts of candidates, x of shape (n, d), shape (n, ..., 4 k)."""
+        poses: Any = linkage_poses(self.space.variants(x), alphas, points=True)
+        weights = np.where(self.target.is_exact, self.exact_weight, 1.0)[:, None]
+        parts = weights * self.target.misses(self.space.linkage.structure, poses.points)
+        table = np.concatenate([parts.real, parts.imag], axis=-1)
+        return np.nan_to_num(table, nan=WORST_MISS).reshape(*parts.shape[:-2], -1)
+
+    def residuals(self, variables: FloatArray) -> FloatArray:
+        """Return the residuals, shape (4 k,)."""
+        count = len(self.space.names)
+        return np.asarray(self.misses(variables[None, :count], self.alphas + variables[count:])[0])
+
+    def jacobian(self, variables: FloatArray) -> FloatArray:
+        """Return central differences: by the dimensions, then by the crank angles."""
+        count = len(self.space.names)
+        x = variables[:count]
+        alphas = self.alphas + variables[count:]
+        steps = NEAREST_WIDTH * np.eye(count)
+        misses = self.misses(np.concatenate([x + steps, x - steps]), alphas)
+        by_x = misses[:count] - misses[count:]
+        around = alphas + NEAREST_WIDTH * np.array([[1.0], [-1.0]])
+        later, earlier = self.misses(x[None], around)[0]
+        by_angle = (later - earlier)[None]
+        if not self.target.is_timed:
+            by_angle = by_angle * np.repeat(np.eye(len(alphas)), 4, axis=1)
+        rows_by_variable = np.concatenate([by_x.reshape(count, -1), by_angle])
+        return np.asarray(rows_by_variable.T / (2.0 * NEAREST_WIDTH))
+
+
+def _least_squares(fit: _PoseFit, variables: FloatArray) -> FloatArray:
+    """Return the variables after Levenberg-Marquardt, x within [0, 1]."""
+    count = len(fit.space.names)
+    damping = FIRST_DAMPING
+    for _ in range(MAX_STEPS):
+        errors = fit.residuals(variables)
+        rows = np.vstack([fit.jacobian(variables), damping * np.eye(len(variables))])
+        step = np.linalg.lstsq(rows, np.concatenate([-errors, 0.0 * variables]))[0]
+        next_variables = variables + step
+        next_variables[:count] = np.clip(next_variables[:count], 0.0, 1.0)
+        gain = 1.0 - np.linalg.norm(fit.residuals(next_variables)) / np.linalg.norm(errors)
+        variables = next_variables if gain > 0.0 else variables
+        damping = damping * (0.1 if gain > 0.0 else 10.0)
+        if damping > MAX_DAMPING or 0.0 < gain < MIN_GAIN:
+            break
+    return variables
+
+
+def poses_from(content: Mapping[str, Any], units: Units) -> PoseTarget:
+    """Return the poses of the key `poses`; a RequirementsError if one of them is incomplete."""
+    table = np.full((len(content['at']), 4), np.nan)
+    for n, pose in enumerate(content['at']):
+        if ('x' in pose) != ('y' in pose) or not {'x', 'angle'} & pose.keys():
+            raise RequirementsError(f'poses.at: pose {n + 1} must have x and y, an angle, or both')
+        table[n] = [pose.get(name, np.nan) for name in ('x', 'y', 'angle', 'crank')]
+    x, y, angles, cranks = table.T
+    if np.isnan(cranks).any() and not np.isnan(cranks).all():
+        raise RequirementsError('poses.at: either all poses have a crank angle, or none')
+    return PoseTarget(
+        start=content.get('from', ''),
+        point=content.get('point', ''),
+        points=units.size('m') * (x + 1j * y),
+        angles=units.size('rad') * angles,
+        cranks=units.size('rad') * (cranks - cranks[0]) % TURN,
+        is_exact=np.array([pose.get('exact', False) for pose in content['at']]),
+    )
+
+
+def _squares(parts: ComplexArray) -> FloatArray:
+    """Return the squares of distances, of which the last axis has the parts."""
+    return np.asarray((np.abs(parts) ** 2).sum(axis=-1))
