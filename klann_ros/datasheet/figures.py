@@ -341,6 +341,12 @@ def walk_figures(sheet: DataSheet) -> Iterator[Figure]:
         yield Figure('Height variation', mm_text(walk.height_variation), 'mm', 'of the body')
         yield Figure('Pitch', degrees_text(walk.greatest_pitch, 2), 'deg', 'at most')
         yield Figure('Roll', degrees_text(walk.greatest_roll, 2), 'deg', 'at most')
+    costs = sheet.costs_of_transport
+    if costs is None:
+        yield Figure('Cost of transport', '-', '', 'P/(m g v); it needs masses and --load')
+    else:
+        note = f'P/(m g v) by positive power; by absolute power {number_text(costs[1])}'
+        yield Figure('Cost of transport', number_text(costs[0]), '', note)
     yield Figure('Foot slip', mm_text(walk.slid), 'mm', 'a turn, weighted by load')
 
 

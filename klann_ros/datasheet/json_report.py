@@ -147,6 +147,10 @@ def _turn_content(turn: TurnOfForces | None) -> dict[str, Any] | None:
     }
 
 
+def _cost_content(costs: tuple[float, float] | None) -> dict[str, float] | None:
+    return dict(zip(('positive_power', 'absolute_power'), costs, strict=True)) if costs else None
+
+
 def _walk_content(sheet: DataSheet) -> dict[str, Any] | None:
     walk = sheet.walk
     if walk is None:
@@ -159,6 +163,7 @@ def _walk_content(sheet: DataSheet) -> dict[str, Any] | None:
         'speed': walk.speed * sheet.speed,
         **_attributes(walk, ('stride', 'least_margin')),
         'stable_fraction': walk.stable_fraction,
+        'cost_of_transport': _cost_content(sheet.costs_of_transport),
         'warnings': walk.warnings,
         'height_variation': walk.height_variation if is_stable else None,
         'pitch': walk.greatest_pitch if is_stable else None,

@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from klann_ros.dynamics import MassBasis, TurnOfForces
+from klann_ros.dynamics import MassBasis, turn_mean, TurnOfForces
 from klann_ros.gait import GaitFigures
 from klann_ros.kinematics import FootPath, Linkage, Margin, Stance
 from klann_ros.kinematics.angles import Arc
 from klann_ros.kinematics.arrays import FloatArray, with_short_repr
+import numpy as np
 
 from .motor import Motor, MotorVerdict
 
@@ -219,6 +220,8 @@ class DataSheet:
         The gait of a walker over a turn.
     no_walk : str
         The reason why a walker does not walk, or ''.
+    weight : float
+        The weight of a walker with masses, else 0 [N].
 
     """
 
@@ -232,6 +235,23 @@ class DataSheet:
     no_forces: str
     walk: GaitFigures | None
     no_walk: str
+    weight: float
+
+    @property
+    def costs_of_transport(self) -> tuple[float, float] | None:
+        """
+        Return P / (m g v) by the mean positive, and by the mean absolute power of the cranks.
+
+        Each crank is for itself: a motor does not give another one what it brakes. None for no
+        walker, without masses or a load on the feet, and where it does not move.
+        """
+        turns = [crank.loaded for crank in self.cranks if crank.loaded]
+        if self.walk is None or not (self.weight and self.walk.speed and turns):
+            return None
+        power = self.weight * abs(self.walk.speed * self.speed)
+        positive = sum(turn_mean(turn.alphas, np.maximum(turn.power, 0.0)) for turn in turns)
+        absolute = sum(turn_mean(turn.alphas, np.abs(turn.power)) for turn in turns)
+        return positive / power, absolute / power
 
     @property
     def is_single(self) -> bool:

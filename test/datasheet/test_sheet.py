@@ -10,6 +10,7 @@ from klann_ros.datasheet import data_sheet, DataSheet, Motor, SheetError
 from klann_ros.datasheet.json_report import report
 from klann_ros.datasheet.page import page
 from klann_ros.datasheet.sheet import cases
+from klann_ros.gait import walk_figures
 from klann_ros.kinematics import foot_path, KlannGeometry, KlannLeg, length_margins, linkage_poses
 from klann_ros.robot import Robot, robot_from_file, robot_from_parameters, robot_of
 import numpy as np
@@ -222,6 +223,32 @@ def test_a_torque_undefined_in_line_makes_the_motor_verdict_a_fault(tmp_path: Pa
     attributes = re.findall(r' (?:d|x|y|width)="([^"]*)"', page(sheet))
     assert len(attributes) > 50
     assert not re.search('nan|inf', ' '.join(attributes))
+
+
+def test_the_cost_of_transport_is_power_by_weight_and_speed() -> None:
+    robot = robot_from_file(ROOT / 'config' / 'walker6_two_motors.yaml')
+    speed = -3.0
+    sheet = data_sheet(robot, speed=speed, load=20.0, samples=180)
+    assert sheet.costs_of_transport is not None
+    positive, absolute = sheet.costs_of_transport
+    body_mass = robot.body.mass if robot.body else 0.0
+    mass = body_mass + sum(leg.mass * len(leg.names) for leg in sheet.legs)
+    work = []
+    for crank in sheet.cranks:
+        # The work of a turn, in small steps of the shaft.
+        angles = TURN * np.arange(20000) / 20000
+        torque = np.interp(angles, crank.loaded.alphas, crank.loaded.torque, period=TURN)
+        work.append([TURN * np.maximum(-torque, 0.0).mean(), TURN * np.abs(torque).mean()])
+    distance = abs(walk_figures(robot).stride)
+    expected = np.sum(work, axis=0) / (mass * 9.80665 * distance)
+    assert (positive, absolute) == pytest.approx(expected, rel=2e-3)
+    # Half of the absolute work is positive where a turn takes none in all.
+    assert 0.0 < positive < absolute
+    content = json.loads(report(sheet))['walk']['cost_of_transport']
+    assert content == {'positive_power': positive, 'absolute_power': absolute}
+    for other in (data_sheet(robot, samples=60), data_sheet(bare(robot), load=20.0, samples=60)):
+        assert other.costs_of_transport is None
+        assert json.loads(report(other))['walk']['cost_of_transport'] is None
 
 
 def test_a_leg_without_full_turn_has_arcs_and_a_note() -> None:
