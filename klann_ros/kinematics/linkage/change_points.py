@@ -37,6 +37,7 @@ from .dyads import CONTACT_ROUNDING
 COURSES = PARALLEL, CROSSED, SIGN = 'parallel', 'crossed', 'sign'
 # Crank angles of the search, and the longest period of a branch [turns].
 SAMPLES_PER_TURN = 360
+SAMPLE_SHIFT = 0.37
 MAX_PERIOD = 8
 # Steps of derivatives, and of the discriminant's growth, which tells the order [rad].
 STENCIL_STEP = 1e-3
@@ -182,7 +183,8 @@ class ChangePoints:
                 continue
             fit = self._fit(centre)
             near = np.abs(offsets) <= fit.radius
-            poses.append((near, fit.at(offsets[near])))
+            if near.any():
+                poses.append((near, fit.at(offsets[near])))
         return poses
 
     @cached_property
@@ -343,7 +345,8 @@ class ChangePoints:
         rounding = CONTACT_ROUNDING * longest
         step = TURN / SAMPLES_PER_TURN
         count = SAMPLES_PER_TURN * self.period
-        betas = self._linkage.reference + step * np.arange(count)
+        # Not at whole degrees, where the dyads before it often have theirs.
+        betas = self._linkage.reference + step * (np.arange(count) + SAMPLE_SHIFT)
         with np.errstate(all='ignore'):
             span, clearances = self._spans(block, betas)
             p = block.dyad_solver.discriminant(span)
@@ -415,6 +418,7 @@ class ChangePoints:
         The dyad of number `other` has the opposite sign.
         """
         linkage = self._linkage
+        betas = self.path_angles(betas)
         u: list[Any] = [None] * len(linkage.structure.bodies)
         u[0] = np.exp(1j * linkage.structure.senses[0] * betas)
         first = self._branch_blocks

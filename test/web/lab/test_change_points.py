@@ -3,6 +3,7 @@
 from typing import Any
 
 from change_point_linkages import change_point_file, FEET, resting_parallelogram
+from klann_ros.kinematics import linkage_from_text, linkage_poses
 from lab_solver import in_node, NODE
 import numpy as np
 import pytest
@@ -103,3 +104,66 @@ def test_at_a_contact_of_fourth_order_the_sign_stays() -> None:
     answer = in_node(SCRIPT, {'texts': {'': text}, 'alphas': ALPHAS.tolist()})['']
     assert [point['flips'] for point in answer['points']] == [False]
     assert np.abs(feet(answer) - foot(ALPHAS)).max() <= 1e-11
+
+
+def random_chain(rng: np.random.Generator) -> str:
+    """Return a four-bar with l + s = p + q and a parallelogram on its rocker, which may jam."""
+    shortest, middle, further = sorted(rng.integers(2, 40, 3).tolist())
+    lengths = [shortest, middle, further, middle + further - shortest]
+    ground, crank, coupler, rocker = rng.permutation(lengths).tolist()
+    side, width = rng.integers(5, 30, 2).tolist()
+    sense = 'true' if rng.random() < 0.5 else 'false'
+    choice = 'crossed' if rng.random() < 0.5 else 'parallel'
+    return f"""
+name: chain
+units: {{length: mm, angle: deg}}
+pivots: {{A: [0, 0], D: [{ground}, 0], E: [{ground}, {width}]}}
+crank: crank
+foot: P
+at_change_points: {choice}
+bodies:
+  crank: {{bars: [{{from: A, to: B, length: {crank}}}], clockwise: {sense}}}
+  coupler: {{bars: [{{from: B, to: C, length: {coupler}}}]}}
+  rocker:
+    bars:
+      - {{from: D, to: C, length: {rocker}}}
+      - {{from: D, to: F, length: {side}, bend: {rng.integers(0, 360)}}}
+  link: {{bars: [{{from: E, to: G, length: {side}}}]}}
+  bar: {{bars: [{{from: F, to: G, length: {width}}}, {{from: F, to: P, length: 7, bend: 50}}]}}
+assembly: {rng.choice([-1, 1], 2).tolist()}
+"""
+
+
+RANDOM = """
+function answer({ texts, alphas }) {
+  return texts.map((text) => {
+    const { linkage } = readFile(text, text);
+    const { structure, changes } = linkage;
+    const foot = structure.points.indexOf(structure.foot);
+    const at = (alpha) => (poseAt(linkage, alpha).points || { [foot]: [null, null] })[foot];
+    return { period: changes.period, points: changes.points, feet: alphas.map(at) };
+  });
+}
+"""
+
+
+def test_random_chains_have_the_change_points_and_feet_of_python() -> None:
+    rng = np.random.default_rng(45)
+    alphas = rng.uniform(-40.0, 40.0, 60)
+    texts = [random_chain(rng) for _ in range(40)]
+    answers = in_node(RANDOM, {'texts': texts, 'alphas': alphas.tolist()})
+    further = 0
+    for text, answer in zip(texts, answers, strict=True):
+        linkage = linkage_from_text(text, 'chain')
+        ours = linkage.change_points
+        theirs = [(point['block'], point['alpha']) for point in answer['points']]
+        assert answer['period'] == ours.period
+        assert [block for block, _ in theirs] == [point.block for point in ours.points]
+        betas = [point.beta for point in ours.points]
+        assert [beta for _, beta in theirs] == pytest.approx(betas, abs=1e-9)
+        expected = linkage_poses(linkage, alphas).h @ [1.0, 1j]
+        found = feet(answer)
+        np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
+        assert np.nanmax(np.abs(found - expected)) <= 1e-11 * linkage.size
+        further += len({block for block, _ in theirs}) > 1
+    assert further >= 5

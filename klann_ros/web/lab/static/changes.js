@@ -3,6 +3,8 @@
 
 // Steps of derivatives, and of the growth of a discriminant, which tells a contact's order [rad].
 const STENCIL_STEP = 1e-3;
+// Not at whole degrees, where dyads often have theirs.
+const SAMPLE_SHIFT = 0.37;
 const ORDER_STEP = 1e-2;
 // Change points of several dyads that are one [rad].
 const SAME_ANGLE = 1e-6;
@@ -135,7 +137,8 @@ class ChangePoints {
   }
 
   samples(count, sampled) {
-    return Array.from({ length: count }, (_, i) => sampled(this.reference + (i * TAU) / SAMPLES));
+    const at = (i) => this.reference + ((i + SAMPLE_SHIFT) * TAU) / SAMPLES;
+    return Array.from({ length: count }, (_, i) => sampled(at(i)));
   }
 
   /** Return whether a dyad comes near to being in line, in the assembly as it is: few do. */
@@ -231,16 +234,18 @@ class ChangePoints {
 
   /** Repeat the change points of all blocks over the whole period. */
   spread() {
+    const start = this.cut === null ? this.reference : this.cut;
+    if (this.cut !== null) this.period = 1;
+    const length = this.period * TAU;
     const all = this.points.flatMap((point) => {
-      const { span } = this.cycles[point.block - 1] || { span: this.period * TAU };
-      const count = this.cut === null ? Math.round((this.period * TAU) / span) : 1;
-      return Array.from({ length: count }, (_, n) => ({ ...point, alpha: point.alpha + n * span }));
+      const { span } = this.cycles[point.block - 1] || { span: length };
+      const first = start + modulo(point.alpha - start, span);
+      const count = Math.max(1, Math.round(length / span));
+      return Array.from({ length: count }, (_, n) => ({ ...point, alpha: first + n * span }));
     });
-    if (this.cut !== null) {
-      this.period = 1;
-      for (const point of all) point.alpha = this.cut + modulo(point.alpha - this.cut, TAU);
-    }
-    this.points = all.sort((p, q) => p.alpha - q.alpha);
+    this.points = all
+      .filter(({ alpha }) => alpha < start + length)
+      .sort((p, q) => p.alpha - q.alpha);
   }
 }
 
