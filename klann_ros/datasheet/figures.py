@@ -134,8 +134,10 @@ def foot_figures(leg: LegSheet, speed: float) -> Iterator[Figure]:
     band = mm_text(_zero(stance.ground, stance.ground_covered))
     ground = f'within {band} mm above the lowest point'
     yield Figure('Ground covered', mm_text(stance.ground_covered), 'mm', ground)
-    straightness = f'{100.0 * stance.straightness:.2f} % of the ground covered'
     deviation = _zero(stance.deviation, stance.ground_covered)
+    minimax = mm_text(_zero(stance.minimax_deviation, stance.ground_covered))
+    share = f'{100.0 * stance.straightness:.2f} % of the ground covered'
+    straightness = f'least squares, {share}; {minimax} mm from the best line'
     yield Figure('Off straight', mm_text(deviation), 'mm', straightness)
     rate = abs(speed)
     ripple = f'; ripple {100.0 * stance.ripple:.0f} %' if isfinite(stance.ripple) else ''

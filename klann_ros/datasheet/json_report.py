@@ -18,7 +18,7 @@ VERSION = 1
 PATH_KEYS = ('x_range', 'y_range', 'stride', 'lift', 'length', 'area')
 STANCE_KEYS = (
     *('start', 'end', 'duty_factor', 'ground', 'ground_covered', 'deviation', 'straightness'),
-    'ripple',
+    *('minimax_deviation', 'ripple'),
 )
 MOTOR_KEYS = (
     *('turns', 'faults', 'available', 'peak', 'peak_at', 'margin', 'braking_peak'),

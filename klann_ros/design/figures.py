@@ -43,7 +43,8 @@ FIGURES = {
     'path_length': FigureKind('length of the foot path', 'm'),
     'duty_factor': FigureKind('fraction of a turn on the ground', '', 0.0, 1.0),
     'ground_covered': FigureKind('advance of the foot in stance', 'm'),
-    'deviation': FigureKind('greatest distance of the stance from a straight line', 'm'),
+    'deviation': FigureKind('greatest distance of the stance from its least-squares line', 'm'),
+    'minimax_deviation': FigureKind('greatest distance of the stance from its best line', 'm'),
     'straightness': FigureKind('deviation relative to the ground covered', ''),
     'ripple': FigureKind('(greatest - least) / mean foot speed in stance', ''),
     'advance': FigureKind('mean foot speed in stance, at a crank rate of 1 rad/s', 'm'),
@@ -63,7 +64,7 @@ FIGURES = {
     'exact_error': FigureKind('of exact poses, relative to the size of the leg', needs='poses'),
     'area_clearance': FigureKind('from forbidden areas', 'm', -inf, needs='forbidden'),
     'rounding_error': FigureKind('from what can be cut', 'm', is_costly=True, needs='round'),
-    'margin': FigureKind('relative change of a length until it jams', '', is_costly=True),
+    'margin': FigureKind('change of a bar until it jams, relative to the size', is_costly=True),
     'turning_fraction': FigureKind(
         'of legs within the tolerance', '', 0.0, 1.0, is_costly=True, needs='tolerance'
     ),
@@ -111,6 +112,8 @@ def judge(variants: Variants, names: frozenset[str], load: float = 0.0) -> Judge
     paths = SampledPaths(turns.h.take(turning, axis=1), turns.h_1.take(turning, axis=1))
     stance = paths.stance
     columns = path_figures(paths, stance, paths.heights(stance.mid_swing) - paths.lowest)
+    if 'minimax_deviation' in names:
+        columns['minimax_deviation'] = paths.minimax_deviation()
     columns['torque_peak'] = load * np.maximum(paths.rise_speed, paths.fall_speed)
     columns['torque_range'] = load * (paths.rise_speed + paths.fall_speed)
     columns['transmission_angle'] = turns.transmission_angle[turning]
@@ -146,15 +149,19 @@ def sheet_figures(sheet: DataSheet, linkage: Linkage) -> dict[str, float]:
         poses: Any = linkage_poses(linkage, [leg.stance.mid_swing])
         step_height = float(poses.h[0, 1]) - leg.path.y_range[0]
         figures |= path_figures(leg.path, leg.stance, step_height)
+        figures['minimax_deviation'] = leg.stance.minimax_deviation
     angles = [transmission.from_in_line.value for transmission in leg.transmission]
     figures['transmission_angle'] = min(angles, default=0.0)
     figures['width'], figures['height'] = np.ptp(leg.points, axis=(0, 1)).tolist()
     lengths = numbers[kinds == 'length'].tolist()
     figures['bar_ratio'] = max(lengths) / min(lengths)
-    margins = [bar.margin for bar in leg.bars if bar.unit == 'm']
-    sides = [min(-m.relative[0], m.relative[1]) for m in margins if m is not None]
-    if sides:
-        figures['margin'] = min(sides)
+    changes: list[float] = []
+    for dimension, bar in zip(linkage.structure.dimensions, leg.bars, strict=True):
+        # Coordinates depend on the plane's axes; no pivot is nearer to a jam than its bars are.
+        if dimension.is_length and bar.margin is not None:
+            changes += map(abs, bar.margin.changes)
+    if changes:
+        figures['margin'] = min(changes) / linkage.size
     crank = sheet.cranks[0]
     if crank.loaded is not None:
         torque = crank.loaded.torque

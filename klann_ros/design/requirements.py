@@ -200,7 +200,7 @@ def requirements_from(
         areas=areas,
         rounding=rounding,
         load=float(content.get('load', 0.0)),
-        speed=float(content.get('speed', 2.0 * np.pi)),
+        speed=units.size('rad/s') * content['speed'] if 'speed' in content else 2.0 * np.pi,
         tolerance=metre * float(content.get('tolerance', 0.0)),
         motor=_motor(content['motor'], folder) if 'motor' in content else None,
         walker=content.get('walker'),

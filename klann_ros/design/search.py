@@ -10,7 +10,7 @@ from time import monotonic
 from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.engines import EngineError, parallel_map, TaskError
-from klann_ros.kinematics import GeometryError
+from klann_ros.kinematics import GeometryError, Variants
 from klann_ros.kinematics.arrays import BoolArray, ComplexArray, FloatArray, IndexArray
 from klann_ros.sanitize.text import counted
 import numpy as np
@@ -602,9 +602,12 @@ def _fitted(requirements: Requirements, survivor: Survivor) -> FittedCandidate |
 def _proven(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg | CandidateRefusal:
     """Return a leg with its proof; or why it is none."""
     try:
-        return prove(requirements, candidate)
+        leg = prove(requirements, candidate)
     except ProofError as error:
         return CandidateRefusal(str(error), error.limit, error.value)
+    # The leg that is written was refined, moved and rounded.
+    figures = variant_scores(requirements.without_motion(), Variants(leg.linkage, {})).figures
+    return replace(leg, expected={name: float(column[0]) for name, column in figures.items()})
 
 
 def _max_loss(aim: Aim, state: State, best_loss: float) -> float:

@@ -28,13 +28,14 @@ class Units(NamedTuple):
 
     def size(self, unit: str) -> float:
         """Return the size of its unit for an SI unit."""
-        if unit == 'm':
+        if unit in {'m', 'm/s'}:
             return LENGTH_UNITS[self.length]
-        return radians(1.0) if unit == 'rad' and self.angle == 'deg' else 1.0
+        return radians(1.0) if unit in {'rad', 'rad/s'} and self.angle == 'deg' else 1.0
 
     def name(self, unit: str) -> str:
         """Return the name of its unit for an SI unit."""
-        return {'m': self.length, 'rad': self.angle}.get(unit, unit)
+        base, *per_second = unit.split('/')
+        return '/'.join([{'m': self.length, 'rad': self.angle}.get(base, base), *per_second])
 
     def text(self, value: float, unit: str) -> str:
         """Return a value (SI) in its unit."""

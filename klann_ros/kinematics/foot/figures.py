@@ -15,6 +15,7 @@ import numpy as np
 
 from .path import FootPath, GROUND_BAND
 from .stance import StanceFigures
+from .strip import narrowest_strips
 
 # Points of a stance, an odd number.
 STANCE_POINTS = 65
@@ -118,6 +119,7 @@ class SampledPaths:
         angles = start[:, None] + width * np.linspace(0.0, 1.0, STANCE_POINTS)
         x, x_1 = self._x.at(angles)
         y, y_1 = self._y.at(angles)
+        self._stance_points = x, y
         speed = np.abs(x_1)
         ground_covered = np.abs(x[:, -1] - x[:, 0])
         with np.errstate(all='ignore'):
@@ -132,6 +134,11 @@ class SampledPaths:
             )
             self.rise_speed = np.maximum(0.0, _row_peaks(y_1))
             self.fall_speed = np.maximum(0.0, _row_peaks(-y_1))
+
+    def minimax_deviation(self) -> FloatArray:
+        """Return half the width of the narrowest strip of each stance, shape (n,) [m]."""
+        half_widths, _ = narrowest_strips(*self._stance_points)
+        return half_widths
 
     def heights(self, angles: FloatArray) -> FloatArray:
         """Return y of the feet at a crank angle of each linkage [rad], shape (n,) [m]."""

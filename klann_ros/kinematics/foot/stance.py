@@ -17,6 +17,7 @@ from klann_ros.kinematics.errors import KinematicsError
 import numpy as np
 
 from .inverse import monotone_intervals, parameters_at, slope_range, turning_points
+from .strip import narrowest_strips
 from .track import Coordinate, gauss_nodes, Track, X, Y
 
 # A figure of one stance, or of many.
@@ -24,6 +25,8 @@ Number = TypeVar('Number', float, FloatArray)
 
 # Panels of the quadrature over a stance, 8 nodes each.
 PANELS = 24
+# Strips of a stance: each holds the extremes that the one before it left out.
+EXCHANGES = 4
 
 
 @dataclass(eq=False, repr=False)
@@ -102,6 +105,8 @@ class Stance(StanceFigures[float]):
     deviation : float
         The greatest distance of the foot from the straight line of best fit: least squares of the
         distances, weighted by path length [m].
+    minimax_deviation : float
+        The greatest distance from the best line: half the width of the narrowest strip [m].
     speed_mean, speed_least, speed_greatest : float
         `|dx/dalpha|` [m/rad]. The least is 0 if the foot reverses at an end of the stance, the
         greatest infinite at an end of the crank's arc.
@@ -118,6 +123,7 @@ class Stance(StanceFigures[float]):
 
     direction: int
     ground: float
+    minimax_deviation: float
 
     def speed(self, alpha_rate: float) -> float:
         """
@@ -218,6 +224,7 @@ def _stance(contact: _Contact, ground: float) -> Stance:
         ground=ground,
         ground_covered=ground_covered,
         deviation=_deviation(track, t_0, t_1),
+        minimax_deviation=_minimax_deviation(track, t_0, t_1),
         speed_mean=ground_covered / duration,
         speed_least=min_speed,
         speed_greatest=max_speed,
@@ -231,8 +238,25 @@ def _deviation(track: Track, t_0: float, t_1: float) -> float:
     centre = lengths @ h / lengths.sum()
     _, axes = np.linalg.eigh(((h - centre).T * lengths) @ (h - centre))
     normal = Coordinate((float(axes[0, 0]), float(axes[1, 0])))
-    extremes = turning_points(track, normal)
-    candidates = [t_0, t_1, *extremes, *(t + pi for t in extremes)]
     centre_offset = float(normal.derivative(centre))
-    offsets = [track.value(normal, t) - centre_offset for t in candidates if t_0 <= t <= t_1]
-    return max(map(abs, offsets))
+    extremes = _extremes(track, normal, t_0, t_1)
+    return max(abs(track.value(normal, t) - centre_offset) for t in extremes)
+
+
+def _minimax_deviation(track: Track, t_0: float, t_1: float) -> float:
+    """Return half the width of the narrowest strip [m], by an exchange of its extremes."""
+    points, _, _ = gauss_nodes(track, t_0, t_1, PANELS)
+    half_width = angle = np.zeros(1)
+    for _ in range(EXCHANGES):
+        half_width, angle = narrowest_strips(points[None, :, 0], points[None, :, 1])
+        normal = Coordinate((-float(np.sin(angle[0])), float(np.cos(angle[0]))))
+        extremes = _extremes(track, normal, t_0, t_1)
+        added = [(track.value(X, t), track.value(Y, t)) for t in extremes]
+        points = np.concatenate([points, added])
+    return float(half_width[0])
+
+
+def _extremes(track: Track, normal: Coordinate, t_0: float, t_1: float) -> list[float]:
+    """Return the ends of an interval, and the turning points of a coordinate in it."""
+    turning = turning_points(track, normal)
+    return [t for t in (t_0, t_1, *turning, *(t + pi for t in turning)) if t_0 <= t <= t_1]

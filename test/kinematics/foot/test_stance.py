@@ -142,6 +142,8 @@ def test_an_ellipse_has_its_stance(ellipse: Any) -> None:
     mean = math.sin(half) / half
     assert stance.deviation == pytest.approx(0.5 * max(1 - mean, mean - 0.8), rel=1e-9)
     assert stance.straightness == pytest.approx(stance.deviation / 0.6, rel=1e-12)
+    # The best line halves the arc's height.
+    assert stance.minimax_deviation == pytest.approx(0.5 * (1 - 0.8) / 2, rel=1e-9)
 
 
 def test_a_band_above_the_whole_path_leaves_the_half_that_moves_backwards(ellipse: Any) -> None:
@@ -174,6 +176,7 @@ def test_every_leg_has_stances(geometry: KlannGeometry, share: float) -> None:
         assert stance.speed_least <= stance.speed_mean * (1 + 1e-9)
         assert stance.speed_mean <= stance.speed_greatest * (1 + 1e-9)
         assert 0.0 <= stance.deviation <= math.hypot(stance.ground_covered, ground) + 1e-9
+        assert 0.0 <= stance.minimax_deviation <= stance.deviation * (1 + 1e-9) + 1e-12
         middle = leg.solve((stance.start + stance.end) / 2)
         # A stance is within the band all along.
         assert middle.h[1] <= path.y_range[0] + ground + 1e-6
