@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 from itertools import chain
+from os.path import lexists
 import sys
 
 from klann_ros.cli import (
@@ -24,9 +25,10 @@ from klann_ros.twin import robot_mjcf
 from .assembly import assembly, spacers
 from .drawing import drawing, dxf, NoEzdxfError, svg
 from .layers import layers
-from .plates import Plate, plates, slot_conflict
+from .plates import ExportError, Plate, plates, slot_conflict
 from .ros2_control import ros2_control_files
 from .urdf import urdf
+from .weights import weighed_file
 
 # Defaults [mm].
 HOLE, THICKNESS, WASHER = 3.2, 3.0, 0.5
@@ -36,6 +38,7 @@ WIDTH_BY_HOLE, WIDTH_BY_SIZE = 3.0, 0.04
 SLIDER_LENGTH = 0.1
 FORMATS = ('mjcf', 'urdf', 'svg', 'dxf', 'assembly')
 PLATES = ('svg', 'dxf', 'assembly')
+WEIGHED = 'weighed'
 ROS2_CONTROL = '--ros2-control'
 DESCRIPTION = """\
 Write a leg or a walker for MuJoCo, ROS or a laser cutter; several formats at once.
@@ -57,11 +60,17 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _export(options: argparse.Namespace) -> int:
     """Write the files that the options ask for; return the exit code."""
-    if all(getattr(options, name) is None for name in (*FORMATS, 'ros2_control')):
+    if all(getattr(options, name) is None for name in (*FORMATS, WEIGHED, 'ros2_control')):
         names = ', '.join(f'--{name}' for name in FORMATS)
         raise UsageError(f'no output is given; one of {names}, {ROS2_CONTROL} is needed')
     robot = robot_of(options.file)
     files = output_files(options, FORMATS, [options.file], refuse_yaml=True)
+    files += output_files(options, [WEIGHED], [options.file])
+    if options.weighed is not None:
+        if lexists(options.weighed):
+            raise ExportError(f'--{WEIGHED} {printable(options.weighed)} is there already')
+        if options.plate_density is None or options.scale != 1.0:
+            raise ExportError(f'--{WEIGHED} needs --plate-density, and no --scale')
     folder = options.ros2_control
     if folder is not None:
         check_new_folder(ROS2_CONTROL, folder, [options.file])
@@ -93,7 +102,7 @@ def _contents(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
         if robot.is_walker and separator != SEPARATORS[0]:
             joints = f'{robot.joint_names(separator)[0]} ... of the URDF'
             print(f'solver_node needs joint_separator: {separator} for {joints}')
-    if any(getattr(options, name) is not None for name in PLATES):
+    if any(getattr(options, name) is not None for name in (*PLATES, WEIGHED)):
         contents |= _plates(robot, options)
     return contents
 
@@ -103,11 +112,9 @@ def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
     holes = {name: mm / 1e3 for name, mm in options.hole or ()}
     hole = holes.pop('', HOLE / 1e3)
     linkages = dict.fromkeys(leg.linkage.scaled(options.scale) for leg in robot.legs)
-    width = options.width
-    if width is None:
-        widest = 1e3 * max(hole, *holes.values(), 0.0)
-        longest = 1e3 * max(linkage.size for linkage in linkages)
-        width = max(WIDTH_BY_HOLE * widest, WIDTH_BY_SIZE * longest)
+    widest = 1e3 * max(hole, *holes.values(), 0.0)
+    longest = 1e3 * max(linkage.size for linkage in linkages)
+    width = options.width or max(WIDTH_BY_HOLE * widest, WIDTH_BY_SIZE * longest)
     robot_plates = plates(robot, hole=hole, width=width / 1e3, scale=options.scale, holes=holes)
     plates_of: dict[str, list[Plate]] = {}
     for plate in robot_plates:
@@ -122,6 +129,9 @@ def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
         contents['--svg'] = svg(sheet).encode()
     if options.dxf is not None:
         contents['--dxf'] = dxf(sheet)
+    if options.weighed is not None:
+        material = options.thickness / 1e3, options.plate_density
+        contents[f'--{WEIGHED}'] = weighed_file(robot, robot_plates, *material).encode()
     if options.assembly is not None:
         page = assembly(stacks, thickness=options.thickness / 1e3, washer=options.washer / 1e3)
         contents['--assembly'] = page.encode()
@@ -172,6 +182,10 @@ def _parser() -> ArgumentParser:
     washer = f'thickness between two layers [mm], {WASHER:g}; 0 for none'
     size('--washer', type=_not_negative, default=WASHER, help=washer)
     size('--width', type=_positive, help='width of bars [mm]; 4 %% of the size')
+    weighed = "a new linkage's file: FILE with the masses of its plates"
+    add(f'--{WEIGHED}', metavar='OUT.yaml', help=weighed)
+    material = 'of the material [kg/m^3], for --weighed: plywood 650, acrylic 1190, PLA 1240'
+    add('--plate-density', metavar='KG_PER_M3', type=_positive, help=material)
     add('--scale', type=_positive, default=1.0, help='of the plates; hole and width stay')
     density = 'of bars in the MJCF, in place of the masses in FILE [kg/m]'
     add('--bar-density', metavar='KG_PER_M', type=_positive, help=density)
