@@ -11,6 +11,7 @@ from klann_ros.cli import (
     ArgumentParser,
     check_installed,
     NOT_READ,
+    number_type,
     output_files,
     path,
     save_texts,
@@ -24,11 +25,13 @@ from klann_ros.sanitize.text import listed, printable, printable_line
 from klann_ros.sanitize.yaml_text import content_of_file, dump, parameter_file, parse_file
 
 from .fit import calibrate, Calibration
-from .load import described_run, load_csv, load_run, point_topics, Request
+from .load import described_run, load_run, load_table, point_topics, Request
 from .measurements import MeasurementError
+from .model import CAMERAS
 from .page import page
 from .problem import Prior
 from .report import report, text_lines
+from .tables import TABLE_SUFFIXES, TableOptions
 
 NOT_OBSERVABLE = 1
 # Parameters of a leg that a calibration does not change.
@@ -36,12 +39,16 @@ KEPT_PARAMETERS = ('bar_density', 'foot_mass', 'mount_xyz', 'mount_rpy')
 CALIBRATE_ERRORS = dict.fromkeys(
     (RobotFileError, MeasurementError, NotALogError, OSError), NOT_READ
 )
+CAMERA_HELP = """unknown: its pose in the leg's plane is fitted as well; scale: and its scale, as
+of pixels; tilt: and the angle at which it looks (default: known)"""
+FRAME_RATE = number_type(lambda rate: 0.0 < rate < 1e6, 'frames a second, above 0')
 DESCRIPTION = """\
 Calibrate a leg: the lengths, pivots and bends as they were built, and the zero of its encoder,
 with standard errors, from measured points of the turning leg.
 
-RUN is a run's folder, an .mcap or .db3 file, or a .csv with the columns time [s], crank [rad], and
-H.x, H.y, G.x, ... [m] in the leg's plane.
+RUN is a run's folder, an .mcap or .db3 file, or a table (.csv, .tsv, .txt) with the columns time
+[s], crank [rad], and H.x, H.y, G.x, ... [m] in the leg's plane. Without an encoder a tracked
+point of the crank, such as its pin B, tells its angle.
 TOPIC is a PointStamped, PoseStamped, PoseWithCovarianceStamped, TransformStamped, TFMessage or
 Marker; TOPIC:KEY chooses a frame of a TFMessage or a marker."""
 EPILOG = """\
@@ -63,12 +70,13 @@ def _calibrate(options: argparse.Namespace) -> int:
     )
     requests = [*options.point, *options.angle, *options.distance]
     drawn = options.leg and robot_of(options.leg)
-    if options.run.lower().endswith('.csv'):
+    if options.run.lower().endswith(TABLE_SUFFIXES):
         if drawn is None:
             raise UsageError('a table does not contain the leg: name its file with --leg')
         leg = _leg(drawn, options.leg_name)
         parameters = _parameters(options.leg)
-        measured = load_csv(options.run, leg, requests)
+        table_options = TableOptions(dict(options.column), options.rate, options.angle_unit)
+        loaded = load_table(options.run, leg, requests, table_options)
     else:
         robot, parameters, topics = described_run(options.run, drawn)
         parameters = _parameters(options.leg) if drawn else parameters
@@ -80,13 +88,15 @@ def _calibrate(options: argparse.Namespace) -> int:
             raise MeasurementError(
                 'no topic has the name of a point, as /mocap/h: name one with --point H=/foot'
             )
-        measured = load_run(options.run, leg, requests, options.crank)
+        loaded = load_run(options.run, leg, requests, options.crank, options.angle_unit)
+    for note in loaded.notes:
+        print(note)
     calibration = calibrate(
         leg.linkage,
-        measured,
+        loaded.measured,
         direction=leg.encoder_direction,
         phase=leg.encoder_phase,
-        camera=options.camera == 'unknown',
+        camera=options.camera,
         delay=options.delay == 'unknown',
         prior=_prior(options.prior),
     )
@@ -158,7 +168,8 @@ def _built_file(
         dimensions = calibration.linkage.dimensions
         parameters |= {name: round(dimensions[name], NUMBER_DIGITS) for name in NUMBERS}
         parameters['assembly'] = [*calibration.linkage.assembly]
-    phase = calibration.phase + leg.direction * leg.drive.zero
+    encoder_phase = calibration.phase if calibration.model.has_encoder else leg.encoder_phase
+    phase = encoder_phase + leg.direction * leg.drive.zero
     parameters |= {'phase': round(phase, NUMBER_DIGITS), 'direction': leg.direction}
     parameters['crank_joint'] = leg.crank_joint
     run, drawing = map(printable_line, sources)
@@ -182,6 +193,14 @@ def _request(text: str) -> Request:
     return Request(name, topic, key)
 
 
+def _column(text: str) -> tuple[str, str]:
+    """Return what a column measures, and its name or number."""
+    role, equals, name = text.partition('=')
+    if not (role and equals and name):
+        raise argparse.ArgumentTypeError(f'{printable(text)} is refused: it must be WHAT=NAME')
+    return role, name
+
+
 def _parser() -> ArgumentParser:
     parser = ArgumentParser('calibrate', DESCRIPTION, EPILOG)
     add = parser.add_argument
@@ -195,9 +214,15 @@ def _parser() -> ArgumentParser:
         option = partial(add, f'--{kind}', metavar='NAME=TOPIC', help=text)
         option(type=_request, action='append', default=[])
     add('--crank', metavar='TOPIC', default='', help="of the crank's encoder (default: found)")
-    for name, meaning in (('camera', "pose in the leg's plane"), ('delay', 'of the points')):
-        text = f'{meaning} (default: known)'
-        add(f'--{name}', choices=('known', 'unknown'), default='known', help=text)
+    add('--camera', choices=CAMERAS, default='known', help=CAMERA_HELP)
+    delay = 'of the points (default: known)'
+    add('--delay', choices=('known', 'unknown'), default='known', help=delay)
+    column = 'of a table: time=NAME, crank=NAME, H.x=NAME, ... or by number from 1 on'
+    add('--column', metavar='WHAT=NAME', type=_column, action='append', default=[], help=column)
+    frames = 'frames a second, of a table with frames instead of times'
+    add('--rate', metavar='HZ', type=FRAME_RATE, help=frames)
+    unit = 'of the crank and measured angles (default: by the header, or found)'
+    add('--angle-unit', choices=('rad', 'deg'), default='', help=unit)
     prior = 'standard deviation of the dimensions [mm], or a FILE of them'
     add('--prior', metavar='MM', help=prior)
     add('-o', '--output', metavar='OUT', help='the leg file with the calibrated numbers')

@@ -15,12 +15,12 @@ from math import hypot, sqrt
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import assemblies, Linkage
-from klann_ros.kinematics.angles import wrap
+from klann_ros.kinematics.angles import TURN, wrap
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, with_short_repr
 import numpy as np
 
-from .measurements import MeasuredSeries, MeasurementError, subset
-from .model import BACKLASH, CAMERA, DELAY, MeasurementModel, PHASE
+from .measurements import MeasuredSeries, MeasurementError, scaled, subset
+from .model import BACKLASH, CAMERA, CAMERA_SCALE, CAMERAS, DELAY, MeasurementModel, PHASE
 from .observability import (
     further_measurements,
     Observability,
@@ -49,6 +49,10 @@ MAX_EXPLAINED_MISFIT = 0.006
 EVEN_SPEED = 0.01
 # Share of samples in the other direction from which on backlash is estimated.
 MIN_REVERSE_SHARE = 0.05
+# Corrections from which on a camera in another pose may explain them [units], and the share that
+# it leaves of them.
+MIN_CAMERA_CORRECTION = 5.0
+MAX_CAMERA_SHARE = 0.3
 # Stretches of a run whose scores are compared, and the largest ratio that is chance.
 BLOCKS, MAX_CHANCE = 20, 1.4
 # Gain of chi2 from which on residuals show a delay.
@@ -103,6 +107,12 @@ class Calibration:
         Delay of the measurements that the residuals show, if it was taken to be 0 [s]; 0 for none.
     prior : bool
         Whether a prior fixed what the measurements leave open.
+    held_out : float or None
+        Residuals of the last turn over their noise, predicted by a fit of the turns before it;
+        None for less than two turns.
+    camera_rotation : float
+        Rotation of the camera that would explain large corrections, if its pose was taken to be
+        known [rad]; 0 for none.
 
     """
 
@@ -119,6 +129,8 @@ class Calibration:
     chi2_dof: float | None
     late: float
     prior: bool
+    held_out: float | None = None
+    camera_rotation: float = 0.0
 
     @property
     def phase(self) -> float:
@@ -154,7 +166,7 @@ def calibrate(
     *,
     direction: float = 1,
     phase: float = 0.0,
-    camera: bool = False,
+    camera: bool | str = False,
     delay: bool = False,
     prior: Prior = None,
     crank_noise: float | None = None,
@@ -172,8 +184,9 @@ def calibrate(
         +1, or -1 for a crank that turns opposite to its joint.
     phase : float
         Its crank angle at joint position 0, a guess of any quality [rad].
-    camera : bool
-        Whether the pose of the camera in the leg's plane is unknown.
+    camera : bool or str
+        Whether the pose of the camera in the leg's plane is unknown; 'scale' if its scale is as
+        well, and 'tilt' if it may look at an angle (see `CAMERAS`).
     delay : bool
         Whether the clock of the measurements is offset from the crank's by an unknown time.
     prior : float or mapping of str to float, optional
@@ -195,19 +208,53 @@ def calibrate(
     """
     if not measured:
         raise MeasurementError('nothing was measured: name a point and its topic')
+    has_encoder = any(series.encoder is not None for series in measured)
+    if delay and not has_encoder:
+        raise MeasurementError('a crank that the camera tracks has no delay')
     rates = np.concatenate([series.rate for series in measured])
     reverse_samples = min((rates > 0.0).sum(), (rates < 0.0).sum())
     has_backlash = bool(reverse_samples > MIN_REVERSE_SHARE * len(rates))
-    optional = (*CAMERA * camera, *[DELAY] * delay, *[BACKLASH] * has_backlash)
+    camera_names = CAMERAS[camera] if isinstance(camera, str) else CAMERA * camera
+    optional = (*camera_names, *[DELAY] * delay, *[BACKLASH] * has_backlash)
     model = MeasurementModel(linkage, direction, phase, optional)
+    if not has_encoder:
+        model = MeasurementModel(linkage, optional=optional, has_encoder=False)
     measured = [subset(series, MAX_SAMPLES) for series in measured]
     check_measurements(model, measured)
-    start, _ = start_parameters(model, measured)
-    problem = Problem(model, measured, prior, crank_noise, start)
+    start = start_parameters(model, measured)
+    if CAMERA_SCALE in model.names:
+        # In metres of the leg.
+        scale = start.parameters[model.names.index(CAMERA_SCALE)]
+        measured = [scaled(series, scale) for series in measured]
+        start = start_parameters(model, measured)
+    problem = Problem(start.model, measured, prior, crank_noise, start.parameters)
     try:
-        return _calibration(problem)
+        calibration = _calibration(problem)
+        return replace(calibration, camera_rotation=_camera_rotation(calibration))
     except MeasurementError as error:
         raise MeasurementError(_explanation(model, measured) or str(error)) from None
+
+
+def _camera_rotation(calibration: Calibration) -> float:
+    """Return the rotation of a camera that explains large corrections; 0 for none [rad]."""
+    model = calibration.model
+    if CAMERA[0] in model.names or _correction(calibration) < MIN_CAMERA_CORRECTION:
+        return 0.0
+    few = [subset(fit.series, SEARCH_SAMPLES) for fit in calibration.series]
+    camera_model = replace(model, optional=(*CAMERA, *model.optional))
+    with suppress(MeasurementError):
+        start = start_parameters(camera_model, few)
+        moved = _calibration(Problem(start.model, few, None, 0.0, start.parameters))
+        if _correction(moved) < MAX_CAMERA_SHARE * _correction(calibration):
+            return moved.model.value(moved.values, CAMERA[2])
+    return 0.0
+
+
+def _correction(calibration: Calibration) -> float:
+    """Return the root mean square of the corrections of the dimensions [units]."""
+    model = calibration.model
+    corrections = ((calibration.values - model.start) / model.units)[: model.count]
+    return float(np.sqrt(np.mean(corrections**2)))
 
 
 class _Hypothesis(NamedTuple):
@@ -224,12 +271,13 @@ def _explanation(model: MeasurementModel, measured: Sequence[MeasuredSeries]) ->
     candidates = []
     for hypothesis in _hypotheses(model, few):
         with suppress(MeasurementError):
-            start, misfit = start_parameters(hypothesis.model, hypothesis.measured)
+            start = start_parameters(hypothesis.model, hypothesis.measured)
+            misfit = start.misfit
             # A delay shows in the fit alone, so it is tried first.
             if DELAY in hypothesis.model.names and DELAY not in model.names:
                 misfit = 0.0
             if misfit < MAX_MISFIT:
-                problem = Problem(hypothesis.model, hypothesis.measured, None, 0.0, start)
+                problem = Problem(start.model, hypothesis.measured, None, 0.0, start.parameters)
                 candidates.append((misfit, hypothesis.text, problem))
     candidates.sort(key=lambda candidate: candidate[0])
     for _, text, problem in candidates[:MAX_EXPLANATIONS]:
@@ -272,7 +320,7 @@ def _hypotheses(model: MeasurementModel, few: list[MeasuredSeries]) -> Iterator[
 def _calibration(problem: Problem, max_misfit: float = MAX_MISFIT) -> Calibration:
     """Return the calibration; a MeasurementError if the measurements are of another leg."""
     model = problem.model
-    fit = _outlier_free_fit(problem)
+    problem, fit = _outlier_free_fit(problem)
     free = _result(problem, fit)
     calibration = _held_result(problem, fit) if free.observability.combinations else free
     names = ', '.join(f'{series.title} ({series.source})' for series in problem.measured)
@@ -293,8 +341,8 @@ def _calibration(problem: Problem, max_misfit: float = MAX_MISFIT) -> Calibratio
     return calibration
 
 
-def _outlier_free_fit(problem: Problem) -> Fit:
-    """Return the fit of the measurements without outliers."""
+def _outlier_free_fit(problem: Problem) -> tuple[Problem, Fit]:
+    """Return the fit of the measurements without outliers, and the problem with its crank."""
     small_problem = problem.with_samples(ROBUST_SAMPLES)
     y = small_problem.start_y
     is_used = np.isfinite(small_problem.rows(y).residuals)
@@ -305,11 +353,14 @@ def _outlier_free_fit(problem: Problem) -> Fit:
     for _ in range(MAX_ROUNDS):
         was_used = is_used
         is_used = problem.inliers(problem.with_robust_noise(y, is_used))
-        y = problem.minimized(problem.with_noise(y, is_used), problem.weak_prior)
+        fit = problem.with_noise(y, is_used)
+        y = problem.minimized(fit, problem.weak_prior)
+        if not problem.model.has_encoder:
+            problem = problem.with_tracked_crank(fit._replace(y=y))
         if np.array_equal(was_used, is_used):
             break
     fit = problem.likeliest(problem.with_noise(y, is_used))
-    return fit._replace(y=problem.minimized(fit, problem.weak_prior))
+    return problem, fit._replace(y=problem.minimized(fit, problem.weak_prior))
 
 
 def _held_result(problem: Problem, fit: Fit) -> Calibration:
@@ -321,6 +372,8 @@ def _held_result(problem: Problem, fit: Fit) -> Calibration:
         root = _evidence(problem, fit).root
         lost = observability(root, problem.model, min_unobservable).lost
         fit = fit._replace(y=problem.minimized(fit, _prior_rows(problem, lost)))
+        if not problem.model.has_encoder:
+            problem = problem.with_tracked_crank(fit)
         if iteration and held_count == len(lost):
             break
         held_count = len(lost)
@@ -350,7 +403,7 @@ def _evidence(problem: Problem, fit: Fit) -> _Evidence:
     order = np.argsort(whitening.times, kind='stable')
     residuals = whitening.residuals(rows.residuals)[order]
     jacobian = whitening(rows.jacobian)[order]
-    chi2 = float(residuals @ residuals) / max(1, int(fit.is_used.sum()) - len(fit.y))
+    chi2 = float(residuals @ residuals) / max(1, whitening.count - len(fit.y))
     triangle: Any = np.linalg.qr(jacobian, mode='r')
     # Residuals beyond the stated noise, and those that are alike from sample to sample, make
     # larger errors.
@@ -385,7 +438,8 @@ def _result(problem: Problem, fit: Fit, held_count: int = 0) -> Calibration:
         errors[verdict.unobservable] = np.nan
     parameters = problem.parameters(fit.y)
     # The phase follows the dimensions.
-    parameters[model.count] = wrap(parameters[model.count])
+    if model.has_encoder:
+        parameters[model.count] = wrap(parameters[model.count])
     has_stated_noise = all(series.noise for series in problem.measured)
     return Calibration(
         drawn=model.linkage,
@@ -396,11 +450,14 @@ def _result(problem: Problem, fit: Fit, held_count: int = 0) -> Calibration:
         covariance=covariance,
         observability=verdict,
         series=tuple(_series_fits(problem, fit)),
-        crank_noise=hypot(fit.crank_noise, fit.motion.noise if fit.motion else 0.0),
+        crank_noise=hypot(fit.crank_noise, fit.motion.noise if fit.motion else 0.0)
+        if model.has_encoder
+        else 0.0,
         crank_gap=problem.crank_gap(fit),
         chi2_dof=evidence.chi2 if has_stated_noise else None,
         late=_unmodelled_delay(problem, fit, evidence),
         prior=problem.prior is not None,
+        held_out=_held_out(problem, fit, _prior_rows(problem, verdict.lost)),
     )
 
 
@@ -417,9 +474,24 @@ def _series_fits(problem: Problem, fit: Fit) -> Iterator[SeriesFit]:
         yield SeriesFit(series, before, after, is_used[:, 0])
 
 
+def _held_out(problem: Problem, fit: Fit, prior_rows: FloatArray) -> float | None:
+    """Return the residuals of the last turn over their noise, by a fit of the turns before."""
+    cranks = np.concatenate([series.crank for series in problem.measured])[problem.samples]
+    last = np.argmax(problem.times)
+    is_before = np.abs(cranks - cranks[last]) > TURN
+    if not is_before.any() or np.ptp(cranks[is_before]) < TURN:
+        return None
+    is_last = problem.times > problem.times[is_before].max()
+    before = fit._replace(is_used=fit.is_used & ~is_last)
+    after = fit._replace(is_used=fit.is_used & is_last, y=problem.minimized(before, prior_rows))
+    whitening = problem.whitening(after)
+    residuals = whitening.residuals(problem.rows(after.y).residuals)
+    return sqrt(float(residuals @ residuals) / max(1, whitening.count))
+
+
 def _unmodelled_delay(problem: Problem, fit: Fit, evidence: _Evidence) -> float:
     """Return the delay that explains the residuals, if none was asked for; 0 for none [s]."""
-    if DELAY in problem.model.names:
+    if DELAY in problem.model.names or not problem.model.has_encoder:
         return 0.0
     rows = problem.rows(fit.y)
     rates = np.concatenate([series.rate for series in problem.measured])[problem.samples]

@@ -1,10 +1,10 @@
-"""Measurements from a run, paired by their stamps, or from a CSV file."""
+"""Measurements from a run or a table, paired with the crank by their stamps."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any, NamedTuple
 
-from klann_ros.cli import read_table, TextTable
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import Message, open_log, Topic
@@ -21,19 +21,30 @@ from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
 
 from .measurements import (
+    crank_points,
     CrankSamples,
+    Kind,
     kind_of,
     MeasuredSeries,
     MeasurementError,
     moving_points,
     series_of,
+    tracked_crank,
+    tracked_series,
 )
+from .model import CAMERAS, MeasurementModel
+from .search import MIN_SAMPLES, start_parameters
+from .tables import read_measurements, TableOptions
 
 # Last names of topics whose points are no measurements: a solver computed them.
 COMPUTED_TOPICS = ('point_h', 'velocity_h')
 # Indices of the variances of x and y in the covariance of a pose.
 _VARIANCES = 0, 7
-MAX_CSV_SIZE = 256 * 1024 * 1024
+# Range of a crank's numbers from which on they may be degrees, and the share of the misfit of
+# radians up to which they are.
+MAX_CRANK_RANGE = 20.0
+MAX_UNIT_MISFIT = 0.5
+DEGREES = 'the crank is in degrees, as these fit the drawing: --angle-unit rad if it is not'
 
 
 class Request(NamedTuple):
@@ -42,6 +53,24 @@ class Request(NamedTuple):
     name: str
     topic: str
     key: str = ''
+
+
+class Quantity(NamedTuple):
+    """A measured quantity: its samples, before they have a crank angle."""
+
+    kind: Kind
+    name: str
+    times: FloatArray  # [s]
+    values: FloatArray  # shape (n, k) [m, rad]
+    noise: float | None = None  # [m, rad]
+    source: str = ''
+
+
+class Loaded(NamedTuple):
+    """Measurements, and what the user should know of them."""
+
+    measured: list[MeasuredSeries]
+    notes: list[str]
 
 
 class Reading(NamedTuple):
@@ -127,8 +156,12 @@ def described_run(path: str, drawn: Robot | None) -> tuple[Robot, dict[str, Any]
 
 
 def load_run(
-    path: str, leg: RobotLeg, requests: Sequence[Request], crank_topic: str = ''
-) -> list[MeasuredSeries]:
+    path: str,
+    leg: RobotLeg,
+    requests: Sequence[Request],
+    crank_topic: str = '',
+    angle_unit: str = '',
+) -> Loaded:
     """
     Return the requested measurements of a run.
 
@@ -154,8 +187,7 @@ def load_run(
         for message in log.messages(topics=messages.keys()):
             messages[message.topic.name].append(message)
         start = log.start_time
-    crank = _crank_samples(crank_topics, messages, leg, start)
-    measured = []
+    quantities = []
     for request, topic in zip(requests, measured_topics, strict=True):
         samples = _checked_samples(request, topic, leg, messages[topic.name], start)
         # A series has one noise, which a few bad samples do not change.
@@ -163,11 +195,12 @@ def load_run(
         noise = variance**0.5 if 0.0 < variance < np.inf else None
         kind = kind_of(leg.linkage, request.name)
         source = printable(topic.name)
-        series = series_of(
-            kind, request.name, samples.times, samples.values, crank, noise=noise, source=source
+        quantities.append(
+            Quantity(kind, request.name, samples.times, samples.values, noise, source)
         )
-        measured.append(series)
-    return measured
+    tracked = {point.name for point in crank_points(leg.linkage)} & {r.name for r in requests}
+    crank = _crank_samples(crank_topics, messages, leg, start, is_needed=not tracked)
+    return paired(leg, quantities, crank, angle_unit)
 
 
 def _checked_samples(
@@ -226,16 +259,23 @@ def _likely_crank_topics(topics: Mapping[str, Topic]) -> list[Topic]:
 
 
 def _crank_samples(
-    topics: Sequence[Topic], messages: Mapping[str, Sequence[Message]], leg: RobotLeg, start: int
-) -> CrankSamples:
-    """Return the crank angles of the first topic that has them."""
+    topics: Sequence[Topic],
+    messages: Mapping[str, Sequence[Message]],
+    leg: RobotLeg,
+    start: int,
+    *,
+    is_needed: bool,
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the crank's times and angles of the first topic that has them."""
     for topic in topics:
         if topic.type not in {JOINT_STATE.name, *ANGLE_TYPES}:
             continue
         key = leg.crank_joint if topic.type == JOINT_STATE.name else ''
         samples = _samples(messages[topic.name], key, start)
         if len(samples.times) > 1:
-            return CrankSamples.of(samples.times, samples.values[:, 0])
+            return samples.times, samples.values[:, 0]
+    if not is_needed:
+        return None
     names = listed([topic.name for topic in topics], 8) or 'any topic'
     raise MeasurementError(
         f'no crank angle of the joint {printable(leg.crank_joint)} is on {names}: name the topic '
@@ -243,50 +283,80 @@ def _crank_samples(
     )
 
 
-def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list[MeasuredSeries]:
+def load_table(
+    path: str,
+    leg: RobotLeg,
+    requests: Sequence[Request] = (),
+    options: TableOptions | None = None,
+) -> Loaded:
     """
-    Return the measurements of a CSV file: `time` [s], `crank` [rad], `H.x`, `H.y` [m], ...
+    Return the measurements of a table: `time` [s], `crank` [rad], `H.x`, `H.y` [m], ...
 
     Angles and distances are single columns, such as `theta` [rad] and `A-H` [m]; empty fields were
     not measured. Requests name columns; by default all are read.
     """
-    table = read_table(path, ('time', 'crank'), MeasurementError, MAX_CSV_SIZE)
-    columns = {name: _numbers(table, name) for name in table.columns}
+    options = options or TableOptions()
+    columns = {request.name: request.topic for request in requests}
+    table = read_measurements(path, leg, columns, options)
+    quantities = []
+    for name, values in table.measured.items():
+        kind = kind_of(leg.linkage, name)
+        source = f'column {printable(columns.get(name, name))}'
+        quantities.append(Quantity(kind, name, table.times, values, source=source))
+    crank = table.crank and (table.times, table.crank.numbers)
+    unit = (table.crank and table.crank.unit) or options.angle_unit
+    loaded = paired(leg, quantities, crank, unit)
+    notes = [f'not used: column {printable(name)}' for name in table.unused]
+    return Loaded(loaded.measured, [*notes, *loaded.notes])
 
-    def column(name: str) -> FloatArray:
-        if name not in columns:
-            listing = f'{listed(columns, 12)}{did_you_mean(name, columns)}'
-            raise MeasurementError(
-                f'{printable(path)} has no column {printable(name)}: there are {listing}'
-            )
-        return columns[name]
 
-    times = column('time')
-    crank = CrankSamples.of(times, column('crank'))
-    if not requests:
-        requests = []
-        for column_name in table.columns:
-            name = column_name.removesuffix('.x')
-            if not column_name.endswith('.y') and name not in {'time', 'crank'}:
-                requests.append(Request(name, name))
+def paired(
+    leg: RobotLeg,
+    quantities: Sequence[Quantity],
+    crank: tuple[FloatArray, FloatArray] | None,
+    unit: str = '',
+) -> Loaded:
+    """Return series with the crank: by its times [s] and angles, or by a point of it."""
+    if crank is not None:
+        times, angles = crank
+        loaded = Loaded(_series(quantities, CrankSamples.of(times, angles)), [])
+        is_fast = np.nanmax(angles, initial=0.0) - np.nanmin(angles, initial=0.0) > MAX_CRANK_RANGE
+        if unit == 'deg' or (not unit and is_fast):
+            encoder = CrankSamples.of(times, np.radians(angles))
+            in_degrees = Loaded(_series(quantities, encoder), [DEGREES] if not unit else [])
+            if unit or _misfit(leg, in_degrees) < MAX_UNIT_MISFIT * _misfit(leg, loaded):
+                return in_degrees
+        return loaded
+    candidates = crank_points(leg.linkage)
+    for point in candidates:
+        for quantity in quantities:
+            if quantity.name == point.name:
+                frames = tracked_crank(point, quantity.times, quantity.values)
+                measured = []
+                for kind, name, times, values, noise, source in quantities:
+                    series = tracked_series(kind, name, times, values, frames)
+                    measured.append(replace(series, noise=noise, source=source))
+                return Loaded(measured, [f'the crank is that of the tracked point {point.name}'])
+    names = listed([point.name for point in candidates], 4) or 'none'
+    raise MeasurementError(
+        f'there is no angle of the crank: name its column, as --column crank=2, its topic with '
+        f'--crank, or track a point of the crank ({names})'
+    )
+
+
+def _series(quantities: Sequence[Quantity], crank: CrankSamples) -> list[MeasuredSeries]:
     measured = []
-    for request in requests:
-        kind = kind_of(leg.linkage, request.name)
-        suffixes = ('.x', '.y') if kind == 'point' else ('',)
-        numbers = np.column_stack([column(f'{request.topic}{suffix}') for suffix in suffixes])
-        source = f'column {printable(request.topic)}'
-        measured.append(series_of(kind, request.name, times, numbers, crank, source=source))
+    for kind, name, times, values, noise, source in quantities:
+        measured.append(series_of(kind, name, times, values, crank, noise=noise, source=source))
     return measured
 
 
-def _numbers(table: TextTable, name: str) -> FloatArray:
-    """Return the numbers of a column; not a number where a cell is empty."""
-    # Between commas a comma may group thousands.
-    comma = ',' if table.delimiter == ',' else '.'
-    numbers = np.empty(len(table.rows))
-    for n, row in enumerate(table.rows):
-        try:
-            numbers[n] = float(row.cells[name].replace(',', comma) or 'nan')
-        except (KeyError, ValueError) as error:  # noqa: PERF203, RUF100 - of each row
-            raise MeasurementError(f'{row.place} is no table of numbers: {error}') from None
-    return numbers
+def _misfit(leg: RobotLeg, loaded: Loaded) -> float:
+    """Return the misfit of the drawing by any camera; infinite for too few samples."""
+    model = MeasurementModel(leg.linkage, optional=CAMERAS['scale'])
+    if min(len(series.times) for series in loaded.measured) < MIN_SAMPLES:
+        return np.inf
+    with suppress(MeasurementError):
+        start = start_parameters(model, loaded.measured)
+        return float(start.misfit / start.parameters[-1])
+    return np.inf

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
-from klann_ros.kinematics import Linkage
+from klann_ros.kinematics import Linkage, linkage_poses
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 from klann_ros.sanitize.text import did_you_mean, printable
 import numpy as np
@@ -55,10 +56,10 @@ class MeasuredSeries:
     `name` is a point, a body's angle or distance, or the distance of two points: 'H', 'theta',
     'A-H'. At the stamps `times`, shape (n,) [s], `values` are positions in the leg's plane or the
     camera's, shape (n, 2) [m], angles [rad] or distances [m], shape (n, 1); `crank` and `rate` are
-    those of the crank joint, shape (n,) [rad, rad/s], by the samples `encoder`. `noise` is the
-    standard deviation of each number, if it is known [m, rad], `source` such as a topic, and
-    `skipped` the number of samples that were left out: not finite, repeated, or without a crank
-    angle.
+    those of the crank joint, shape (n,) [rad, rad/s], by the samples `encoder`; without
+    an encoder those of a tracked point of the crank (see `tracked_crank`). `noise` is the standard
+    deviation of each number, if it is known [m, rad], `source` such as a topic, and `skipped` the
+    number of samples that were left out: not finite, repeated, or without a crank angle.
     """
 
     kind: Kind
@@ -67,7 +68,7 @@ class MeasuredSeries:
     values: FloatArray
     crank: FloatArray
     rate: FloatArray
-    encoder: CrankSamples
+    encoder: CrankSamples | None
     noise: float | None = None
     source: str = ''
     skipped: int = 0
@@ -110,6 +111,53 @@ def series_of(
     )
 
 
+class TrackedPoint(NamedTuple):
+    """A point of the crank: its radius [m] and its angle from the crank's [rad]."""
+
+    name: str
+    radius: float
+    angle: float
+
+
+def crank_points(linkage: Linkage) -> list[TrackedPoint]:
+    """Return the points that turn with the crank, the one with the largest radius first."""
+    alphas = np.linspace(0.0, TURN, 48, endpoint=False)
+    poses = linkage_poses(linkage, alphas, points=True, velocities=True)
+    is_reached = np.flatnonzero(poses.reason == 0)
+    points = np.asarray(poses.points)[is_reached] @ (1.0, 1j)
+    # The derivative of A + r exp(i alpha) is i times the arm.
+    arms = np.asarray(poses.points_1)[is_reached] @ (-1j, 1.0)
+    tracked = []
+    for n, name in enumerate(linkage.structure.points):
+        moves = np.abs(points[:, n] - arms[:, n] - points[0, n] + arms[0, n]).max()
+        radius = float(np.abs(arms[0, n]))
+        if len(is_reached) > 1 and max(moves, 1e-6 * linkage.size) < 1e-3 * radius:
+            angle = float(np.angle(arms[0, n])) - alphas[is_reached[0]]
+            tracked.append(TrackedPoint(name, radius, angle))
+    return sorted(tracked, key=lambda point: -point.radius)
+
+
+def tracked_crank(point: TrackedPoint, times: FloatArray, values: FloatArray) -> CrankSamples:
+    """Return the crank's angles by a point of it, shape (n, 2), about the centre of its circle."""
+    stamps, places = _cleaned(times, values)
+    z = places @ (1.0, 1j)
+    columns = np.column_stack([2.0 * places, np.ones(len(places))])
+    centre = np.linalg.lstsq(columns, np.abs(z) ** 2, rcond=None)[0][:2] @ (1.0, 1j)
+    return CrankSamples(stamps, np.unwrap(np.angle(z - centre)) - point.angle)
+
+
+def tracked_series(
+    kind: Kind, name: str, times: FloatArray, values: FloatArray, crank: CrankSamples
+) -> MeasuredSeries:
+    """Return samples paired with the tracked crank of the same frames."""
+    stamps, numbers = _cleaned(times, values)
+    _, rows, frames = np.intersect1d(stamps, crank.times, return_indices=True)
+    angles = crank.positions[frames]
+    skipped = len(times) - len(rows)
+    series = MeasuredSeries(kind, name, stamps[rows], numbers[rows], angles, 0.0 * angles, None)
+    return replace(series, skipped=skipped)
+
+
 def moving_points(linkage: Linkage) -> list[str]:
     """Return the points that are no pivots."""
     return [point for point in linkage.structure.points if point not in linkage.structure.pivots]
@@ -146,6 +194,14 @@ def subset(series: MeasuredSeries, count: int) -> MeasuredSeries:
         crank=series.crank[chosen],
         rate=series.rate[chosen],
     )
+
+
+def scaled(series: MeasuredSeries, scale: float) -> MeasuredSeries:
+    """Return a series of points in units of `scale`; others as they are."""
+    if series.kind != 'point':
+        return series
+    noise = series.noise and series.noise / scale
+    return replace(series, values=series.values / scale, noise=noise)
 
 
 def _cleaned(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

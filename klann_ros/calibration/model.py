@@ -2,12 +2,15 @@
 The measurement model: predicted measurements, and their derivatives by all parameters.
 
 Parameters are the dimensions of the linkage, the zero of its encoder (`phase`), and on request the
-camera's pose in the leg's plane, the delay of the measurements and the backlash of the crank:
+camera, the delay of the measurements and the backlash of the crank:
 
     alpha = s (crank(t + delay) + sign(rate) backlash / 2) + phase,    s = +-1 (direction)
-    point = R(rotation) p(alpha; dimensions) + (x, y).
+    point = (x, y) + scale R(rotation) S p(alpha; dimensions) / (1 + k p),
 
-Every parameter has a unit, the error that a workshop makes.
+with the symmetric S = [[1 + stretch, shear], [shear, 1 - stretch]] and the keystone k of a camera
+that is tilted: these are all maps of a plane by a pinhole. Without an encoder alpha is the angle
+of a tracked point of the crank, and there is no phase. Every parameter has a unit, the error that
+a workshop makes.
 """
 
 from collections.abc import Sequence
@@ -24,11 +27,32 @@ from .measurements import MeasuredSeries
 
 PHASE, DELAY, BACKLASH = 'phase', 'delay', 'backlash'
 CAMERA = ('camera x', 'camera y', 'camera rotation')
+CAMERA_SCALE = 'camera scale'
+TILT = ('camera stretch', 'camera shear', 'camera keystone x', 'camera keystone y')
+# The unknown parameters of each sort of camera.
+CAMERAS = {
+    'known': (),
+    'unknown': CAMERA,
+    'scale': (*CAMERA, CAMERA_SCALE),
+    'tilt': (*CAMERA, CAMERA_SCALE, *TILT),
+}
 # Factors and units of numbers for people.
-SCALES = {'m': (1e3, 'mm'), 'rad': (degrees(1.0), 'deg'), 's': (1e3, 'ms')}
-SI_UNITS = {PHASE: 'rad', 'camera x': 'm', 'camera y': 'm', DELAY: 's'}
+SCALES = {
+    'm': (1e3, 'mm'),
+    'rad': (degrees(1.0), 'deg'),
+    's': (1e3, 'ms'),
+    '1': (1e2, '%'),
+    '1/m': (1.0, '1/m'),
+}
+SI_UNITS = {
+    'camera x': 'm',
+    'camera y': 'm',
+    DELAY: 's',
+    CAMERA_SCALE: '1',
+    **dict(zip(TILT, ('1', '1', '1/m', '1/m'), strict=True)),
+}
 # A workshop's errors: of lengths relative to the linkage's size, of angles [rad], of clocks [s].
-TYPICAL_ERRORS = {'m': 1e-3, 'rad': radians(1.0), 's': 0.01}
+TYPICAL_ERRORS = {'m': 1e-3, 'rad': radians(1.0), 's': 0.01, '1': 0.01, '1/m': 0.01}
 
 
 class Prediction(NamedTuple):
@@ -46,13 +70,15 @@ class MeasurementModel:
     Predicts the measurements of a leg as drawn.
 
     `direction` is -1 for a crank that turns opposite to its joint, `phase` its crank angle at
-    joint position 0 [rad]; optional parameters are those of the camera, the delay, the backlash.
+    joint position 0 [rad], a parameter if it has an encoder; optional parameters are those of the
+    camera, the delay, the backlash.
     """
 
     linkage: Linkage
     direction: float = 1
     phase: float = 0.0
     optional: tuple[str, ...] = ()
+    has_encoder: bool = True
     # The last poses: points are often measured at the same moments.
     _last: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
@@ -64,30 +90,42 @@ class MeasurementModel:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Return the names of all parameters."""
-        return (*self.linkage.dimensions, PHASE, *self.optional)
+        return (*self.linkage.dimensions, *self._other_names)
+
+    @property
+    def _other_names(self) -> tuple[str, ...]:
+        return (*[PHASE] * self.has_encoder, *self.optional)
 
     @cached_property
     def si_units(self) -> tuple[str, ...]:
         """Return the SI units of all parameters: 'm', 'rad' or 's'."""
         units = [dimension.unit for dimension in self.linkage.structure.dimensions]
-        for name in (PHASE, *self.optional):
+        for name in self._other_names:
             units.append(SI_UNITS.get(name, 'rad'))
         return tuple(units)
 
     @cached_property
     def units(self) -> FloatArray:
         """Return the units of all parameters [m, rad, s]."""
-        sizes = TYPICAL_ERRORS | {'m': TYPICAL_ERRORS['m'] * self.linkage.size}
+        size = self.linkage.size
+        sizes = TYPICAL_ERRORS | {
+            'm': TYPICAL_ERRORS['m'] * size,
+            '1/m': TYPICAL_ERRORS['1'] / size,
+        }
         return np.array([sizes[unit] for unit in self.si_units])
 
     @cached_property
     def start(self) -> FloatArray:
         """Return the parameters of the drawing [m, rad, s]."""
-        return np.array([*self.linkage.numbers, self.phase, *[0.0] * len(self.optional)])
+        usual = {PHASE: self.phase, CAMERA_SCALE: 1.0}
+        others = [usual.get(name, 0.0) for name in self._other_names]
+        return np.array([*self.linkage.numbers, *others])
 
     def value(self, parameters: FloatArray, name: str) -> float:
-        """Return a parameter by its name; 0 for one that there is not."""
-        return float(parameters[self.names.index(name)]) if name in self.names else 0.0
+        """Return a parameter by its name; the usual value of one that there is not."""
+        if name in self.names:
+            return float(parameters[self.names.index(name)])
+        return {PHASE: self.phase, CAMERA_SCALE: 1.0}.get(name, 0.0)
 
     def varied(self, parameters: FloatArray) -> Linkage:
         """Return the linkage with the dimensions of parameters; a GeometryError if it is none."""
@@ -100,14 +138,15 @@ class MeasurementModel:
         backlash = self.value(parameters, BACKLASH)
         joint = crank + np.sign(rate) * backlash / 2.0
         alphas: FloatArray = self.direction * joint + self.value(parameters, PHASE)
-        return alphas
+        # A camera that is turned sees the crank turned by the same.
+        return alphas if self.has_encoder else alphas - self.value(parameters, CAMERA[2])
 
     def crank_motion(
         self, series: MeasuredSeries, parameters: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the crank joint's angles [rad] and rates [rad/s] at the delayed stamps."""
         delay = self.value(parameters, DELAY)
-        if not delay:
+        if not delay or series.encoder is None:
             return series.crank, series.rate
         return series.encoder.motion.at(series.times + delay)
 
@@ -126,6 +165,8 @@ class MeasurementModel:
         }
         for name in by_alpha.keys() & {*self.names}:
             jacobian[..., self.names.index(name)] = slope * by_alpha[name][:, None]
+        if not self.has_encoder and CAMERA[2] in self.names:
+            jacobian[..., self.names.index(CAMERA[2])] -= slope
         return Prediction(values, slope, jacobian)
 
     def motion(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
@@ -171,16 +212,29 @@ class MeasurementModel:
         self, points: FloatArray, slope: FloatArray, jacobian: FloatArray, parameters: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return points and slopes as the camera sees them; complete the Jacobian."""
-        camera_x, camera_y, camera_rotation = self._camera_indices
-        c = cos(parameters[camera_rotation])
-        s = sin(parameters[camera_rotation])
+        x, y, angle, scale, a, b, *k = [self.value(parameters, name) for name in CAMERAS['tilt']]
+        c = scale * cos(angle)
+        s = scale * sin(angle)
         rotation = np.array([[c, -s], [s, c]])
-        jacobian[...] = np.einsum('ij,njp->nip', rotation, jacobian)
-        jacobian[:, 0, camera_x] = 1.0
-        jacobian[:, 1, camera_y] = 1.0
-        jacobian[..., camera_rotation] = points @ np.array([[-s, -c], [c, -s]]).T
-        shift = parameters[camera_x], parameters[camera_y]
-        return points @ rotation.T + shift, slope @ rotation.T
+        affine = rotation @ [[1.0 + a, b], [b, 1.0 - a]]
+        depth = 1.0 + points @ k
+        seen = points @ affine.T / depth[:, None]
+        by_point = (affine - seen[:, :, None] * np.array(k)) / depth[:, None, None]
+        jacobian[...] = np.einsum('nij,njp->nip', by_point, jacobian)
+        by_depth = -seen / depth[:, None]
+        by_stretch = points * (1.0, -1.0) @ rotation.T / depth[:, None]
+        by_shear = points[:, ::-1] @ rotation.T / depth[:, None]
+        derivatives = {
+            'camera x': np.array([1.0, 0.0]),
+            'camera y': np.array([0.0, 1.0]),
+            'camera rotation': seen[:, ::-1] * (-1.0, 1.0),
+            CAMERA_SCALE: seen / scale,
+        }
+        by_tilt = (by_stretch, by_shear, by_depth * points[:, :1], by_depth * points[:, 1:])
+        derivatives |= zip(TILT, by_tilt, strict=True)
+        for name in derivatives.keys() & {*self.names}:
+            jacobian[..., self.names.index(name)] = derivatives[name]
+        return seen + np.array([x, y]), np.einsum('nij,nj->ni', by_point, slope)
 
     @property
     def _camera_indices(self) -> list[int]:
@@ -212,6 +266,11 @@ class MeasurementModel:
         observed = observed[is_reached]
         rotation = np.vdot(predicted - predicted.mean(), observed - observed.mean())
         rotation = rotation / (abs(rotation) or 1.0)
+        if CAMERA_SCALE in self.names:
+            deviations = np.linalg.norm(predicted - predicted.mean())
+            scale = float(np.linalg.norm(observed - observed.mean()) / (deviations or 1.0))
+            start[self.names.index(CAMERA_SCALE)] = scale
+            rotation = scale * rotation
         shift = observed.mean() - rotation * predicted.mean()
         start[self._camera_indices] = shift.real, shift.imag, np.angle(rotation)
         for n, predicted_points in predicted_of.items():

@@ -106,7 +106,7 @@ def _combination(direction: FloatArray, size: float, model: MeasurementModel) ->
     changes = direction * model.units
     order = np.argsort(-np.abs(direction))
     order = order[np.abs(direction[order]) > MIN_PART * np.abs(direction[order[0]])]
-    largest = {'rad': 0.0, 'm': 0.0, 's': 0.0}
+    largest = dict.fromkeys(SCALES, 0.0)
     for n in order:
         unit = model.si_units[n]
         largest[unit] = max(largest[unit], abs(changes[n]))

@@ -117,7 +117,8 @@ def _covariances(calibration: Calibration, poses: Any) -> FloatArray:
     model = calibration.model
     jacobian = np.zeros((*poses.points_1.shape[1:], len(model.names)))
     jacobian[..., : model.count] = poses.points_gradient[0]
-    jacobian[..., model.names.index(PHASE)] = poses.points_1[0]
+    if model.has_encoder:
+        jacobian[..., model.names.index(PHASE)] = poses.points_1[0]
     scaled = jacobian * model.units
     covariances: FloatArray = scaled @ calibration.covariance @ scaled.transpose(0, 2, 1)
     return np.nan_to_num(covariances)

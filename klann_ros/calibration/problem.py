@@ -9,6 +9,7 @@ crank's motion between the samples of its encoder (see `crank`) and noise at eac
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from math import sqrt
 from typing import Any, NamedTuple
@@ -34,6 +35,8 @@ BEND_LENGTH = 0.03
 MIN_INLIERS = 0.5
 # Standard errors that show crank noise.
 MIN_CRANK_NOISE = 4.0
+# Standard deviation of the angle of a crank that is known by a tracked point alone [rad].
+UNKNOWN_CRANK = 1e3
 # Chi2 of the errors of the crank's motion up to which these are left out.
 MAX_MOTION_CHI2 = 0.01
 # Mean chi2 from which on errors between distant samples of the crank are worth a warning.
@@ -101,7 +104,7 @@ class Problem:
     @cached_property
     def motion(self) -> CrankMotion:
         """Return the motion of the crank, by the samples that all series are paired with."""
-        encoder = self.measured[0].encoder
+        encoder = next(series.encoder for series in self.measured if series.encoder)
         if self._crank_noise is None:
             return encoder.motion
         return CrankMotion(encoder.times, encoder.positions, self._crank_noise)
@@ -114,6 +117,20 @@ class Problem:
         """Return the problem of at most `count` samples a series, without crank noise."""
         few = [subset(series, count) for series in self.measured]
         return Problem(self.model, few, self.prior, 0.0, self.parameters(self.start_y))
+
+    def with_tracked_crank(self, fit: Fit) -> 'Problem':
+        """Return the problem with the crank angles that fit all points of each frame best."""
+        rows = self.rows(fit.y)
+        weights = np.where(fit.is_used, rows.slopes / fit.sigmas[self.owners] ** 2, 0.0)
+        errors = np.bincount(self.stamps, weights * np.nan_to_num(rows.residuals))
+        squares = np.bincount(self.stamps, weights * np.nan_to_num(rows.slopes))
+        corrections = -errors / np.maximum(squares, 1e-300)
+        measured = []
+        for n, series in enumerate(self.measured):
+            frames = self.stamps[self.owners == n].reshape(series.values.shape)[:, 0]
+            measured.append(replace(series, crank=series.crank + corrections[frames]))
+        start = self.parameters(self.start_y)
+        return Problem(self.model, measured, self.prior, self._crank_noise, start)
 
     def parameters(self, y: FloatArray) -> FloatArray:
         """Return parameters in SI units."""
@@ -152,11 +169,14 @@ class Problem:
     def inliers(self, fit: Fit) -> BoolArray:
         """Return the rows of samples without a number beyond the gate."""
         rows = self.rows(fit.y)
-        times = self.delayed_times(fit.y)
-        errors = rows.slopes[:, None] * self.motion.errors(self.motion.moments(times))
-        variance = fit.sigmas[self.owners] ** 2 + np.mean(errors**2, axis=1)
-        is_outlier = ~(np.abs(rows.residuals) < OUTLIER_GATE * np.sqrt(variance))
-        is_outlier |= ~self.motion.knows(times)
+        variance = fit.sigmas[self.owners] ** 2
+        is_known: BoolArray = np.ones(len(self.owners), bool)
+        if self.model.has_encoder:
+            times = self.delayed_times(fit.y)
+            errors = rows.slopes[:, None] * self.motion.errors(self.motion.moments(times))
+            variance = variance + np.mean(errors**2, axis=1)
+            is_known = self.motion.knows(times)
+        is_outlier = ~(np.abs(rows.residuals) < OUTLIER_GATE * np.sqrt(variance)) | ~is_known
         is_inlier: BoolArray = ~np.isin(self.samples, self.samples[is_outlier])
         return is_inlier
 
@@ -192,6 +212,8 @@ class Problem:
 
     def likeliest(self, fit: Fit) -> Fit:
         """Return a fit with the noise of its residuals and the likeliest motion of the crank."""
+        if not self.model.has_encoder:
+            return fit
         fits = []
         for motion in self.motion.likely:
             candidate = self.with_noise(fit.y, fit.is_used, motion)
@@ -203,6 +225,9 @@ class Problem:
         self, y: FloatArray, is_used: BoolArray, motion: CrankMotion | None = None
     ) -> Fit:
         """Return a fit with the noise of its residuals: stated, or estimated."""
+        if not self.model.has_encoder:
+            fit = self.with_robust_noise(y, is_used)._replace(crank_noise=UNKNOWN_CRANK)
+            return self._with_refined_noise(fit)
         motion = motion or self.motion
         owners = self._checked_owners(is_used)
         counts = np.bincount(owners, minlength=len(self.measured))
@@ -229,15 +254,22 @@ class Problem:
         stated = np.array([series.noise or np.nan for series in self.measured])
         sigmas = np.where(np.isnan(stated), sigmas, stated)
         motion_chi2 = float((motion_squares / sigmas[owners] ** 2).sum())
-        fit = Fit(
-            y, is_used, sigmas, crank_noise, motion if motion_chi2 > MAX_MOTION_CHI2 else None
-        )
-        for _ in range(NOISE_ITERATIONS if fit.motion else 0):
-            # The residuals about the motion that fits best are smaller by its share.
+        fit = Fit(y, is_used, sigmas, crank_noise, None)
+        if motion_chi2 <= MAX_MOTION_CHI2:
+            return fit
+        return self._with_refined_noise(fit._replace(motion=motion))
+
+    def _with_refined_noise(self, fit: Fit) -> Fit:
+        """Return a fit with noise that leaves the errors of the crank to the crank."""
+        owners = self.owners[fit.is_used]
+        for _ in range(NOISE_ITERATIONS):
             whitening = self.whitening(fit)
-            residuals = whitening.residuals(rows.residuals)[: len(owners)]
+            residuals = whitening.residuals(self.rows(fit.y).residuals)[: len(owners)]
+            # They are smaller by what the crank takes of them.
             factors = np.bincount(owners, residuals**2) / np.bincount(owners, whitening.freedom())
-            sigmas = np.where(np.isnan(stated), fit.sigmas * np.sqrt(factors), stated)
+            sigmas = fit.sigmas * np.sqrt(np.maximum(factors, 1e-6))
+            for n, series in enumerate(self.measured):
+                sigmas[n] = series.noise or sigmas[n]
             fit = fit._replace(sigmas=sigmas)
         return fit
 
@@ -280,6 +312,10 @@ class Whitening:
         squares = np.maximum(np.bincount(self._stamps, slopes**2)[self._stamps], 1e-300)
         # Its determinant is 1 + crank^2 n^2; a stamp has a share of it for each of its rows.
         shares = slopes**2 / squares
+        self._freedom = np.ones(len(slopes)) - (
+            shares if fit.crank_noise == UNKNOWN_CRANK else 0.0
+        )
+        self.count = round(float(self._freedom.sum()))
         self._log_determinant = float(shares @ np.log1p(fit.crank_noise**2 * squares))
         shrinkage = 1.0 - 1.0 / np.sqrt(1.0 + fit.crank_noise**2 * squares)
         self._slopes = slopes
@@ -311,8 +347,9 @@ class Whitening:
 
     def freedom(self) -> FloatArray:
         """Return the mean squares of the whitened residuals of the used rows."""
-        errors = 0.0 if self._motion is None else self._motion.errors()
-        return np.asarray(1.0 - np.mean(np.square(errors), axis=-1))
+        if self._motion is None:
+            return self._freedom
+        return np.asarray(self._freedom - np.mean(self._motion.errors() ** 2, axis=1))
 
     def deviance(self, residuals: FloatArray) -> float:
         """Return -2 times the logarithm of the likelihood of the residuals."""

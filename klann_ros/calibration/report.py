@@ -25,11 +25,15 @@ def text_lines(calibration: Calibration, further: Sequence[Suggestion]) -> Itera
         yield f'crank angle: noise {degrees(calibration.crank_noise):.2g} deg'
     if calibration.crank_gap:
         error = f'{degrees(calibration.crank_gap):.2g} deg'
-        period = f'{1e3 * calibration.series[0].series.encoder.motion.period:.3g} ms'
-        yield f'crank angle: unknown by {error} between its samples, which are {period} apart:'
-        yield '  record the encoder at a higher rate, or turn more evenly'
+        yield f'crank angle: unknown by {error} between samples of its encoder, which are too far'
+        yield '  apart: record it at a higher rate, or turn more evenly'
     if calibration.chi2_dof is not None:
         yield f'chi2/dof: {calibration.chi2_dof:.3f}'
+    if calibration.held_out is not None:
+        yield f'last turn, predicted by the others: {calibration.held_out:.2f} times the noise'
+    if calibration.camera_rotation:
+        rotation = f'{degrees(calibration.camera_rotation):.2g} deg'
+        yield f'a camera turned by {rotation} explains the corrections: try --camera unknown'
     if _hides_mirrored_axes(calibration):
         yield 'all points move along one line: mirrored axes of the camera would not show'
     if calibration.late:
@@ -164,6 +168,7 @@ def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str,
         'prior': calibration.prior,
         'noise': {**noise, 'crank': calibration.crank_noise},
         'crank_gap': calibration.crank_gap,
+        'held_out': calibration.held_out,
         'chi2_dof': calibration.chi2_dof,
         'late': calibration.late,
         'points': points,

@@ -3,18 +3,22 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from math import degrees
+from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
+from .crank import MAX_CRANK_STEP
 from .measurements import MeasuredSeries, MeasurementError, subset
-from .model import MeasurementModel, PHASE
+from .model import CAMERA, CAMERA_SCALE, MeasurementModel, PHASE
 
 # Samples that a fit needs at least, and rotation of the crank [rad].
 MIN_SAMPLES, MIN_CRANK_RANGE = 20, 0.1
 # Samples and start angles of the search for the encoder's zero.
 SEARCH_SAMPLES, SEARCH_ANGLES = 120, 48
+# Rounds until the rotations of camera and crank agree.
+ROTATION_ROUNDS = 4
 # Ratio of a path's measured and drawn size beyond which its unit is wrong.
 MAX_SIZE_RATIO = 10.0
 # Part of the misfit at the file's zero from which on another zero is clearly better.
@@ -33,7 +37,7 @@ def check_measurements(model: MeasurementModel, measured: Sequence[MeasuredSerie
             raise MeasurementError(
                 f'{series.title}: {len(series.times)} samples have a crank angle at their stamp, '
                 f'{series.skipped} have none; at least {MIN_SAMPLES} are needed (are both stamped '
-                f'by the same clock, and is the crank in rad?)'
+                f'by the same clock, and the crank at least every {MAX_CRANK_STEP:.0f} rad?)'
             )
     numbers = sum(series.values.size for series in measured)
     count = len(model.names)
@@ -46,7 +50,8 @@ def check_measurements(model: MeasurementModel, measured: Sequence[MeasuredSerie
         )
     for series in measured:
         predicted = model.motion(series, model.start).values
-        if series.kind == 'angle' or not np.isfinite(predicted).any():
+        is_scaled = series.kind == 'angle' or CAMERA_SCALE in model.names
+        if is_scaled or not np.isfinite(predicted).any():
             continue
         drawn_size = max(_spread(predicted), 0.01 * model.linkage.size)
         size = _spread(series.values)
@@ -62,13 +67,39 @@ def _spread(values: FloatArray) -> float:
     return float(np.sqrt(np.nanmedian(squares, axis=0).sum()))
 
 
-def start_parameters(
-    model: MeasurementModel, measured: Sequence[MeasuredSeries]
-) -> tuple[FloatArray, float]:
-    """Return the drawing with the encoder's zero and the camera that fit best, and its misfit."""
+class Start(NamedTuple):
+    """The model and the parameters of the first fit, and its misfit."""
+
+    model: MeasurementModel
+    parameters: FloatArray
+    misfit: float
+
+
+def start_parameters(model: MeasurementModel, measured: Sequence[MeasuredSeries]) -> Start:
+    """Return the drawing with the crank's zero and the camera that fit best."""
     rotations = np.linspace(0.0, TURN, SEARCH_ANGLES, endpoint=False)
     few = [subset(series, SEARCH_SAMPLES) for series in measured]
-    # Row by row the values at each zero; the first is the file's.
+    starts, misfits = _starts(model, few, rotations)
+    best = int(np.argmin(misfits))
+    if misfits[best] == np.inf:
+        raise MeasurementError('the leg as drawn reaches few of the measured crank angles')
+    best = best if misfits[best] < BETTER * misfits[0] else 0
+    start = starts[best]
+    misfit = misfits[best]
+    if not model.has_encoder:
+        rotation = float(rotations[best])
+        for _ in range(ROTATION_ROUNDS if CAMERA[2] in model.names else 0):
+            rotation = -model.value(start, CAMERA[2])
+            (start,), (misfit,) = _starts(model, few, np.array([rotation]))
+        model = replace(model, phase=rotation + model.value(start, CAMERA[2]))
+    return Start(model, start, misfit)
+
+
+def _starts(
+    model: MeasurementModel, few: Sequence[MeasuredSeries], rotations: FloatArray
+) -> tuple[list[FloatArray], list[float]]:
+    """Return the parameters of the best camera at each zero of the crank, and their misfits."""
+    # Row by row the numbers at each zero.
     tables = []
     for series in few:
         crank = (series.crank + model.direction * rotations[:, None]).ravel()
@@ -78,15 +109,12 @@ def start_parameters(
     starts = []
     for n, rotation in enumerate(rotations):
         start, seen = model.with_camera(few, [table[n] for table in tables])
-        start[model.names.index(PHASE)] += rotation
+        if model.has_encoder:
+            start[model.names.index(PHASE)] += rotation
         residuals = list(map(model.residuals, few, seen))
         misfits.append(median_misfit(model, few, residuals))
         starts.append(start)
-    best = int(np.argmin(misfits))
-    if misfits[best] == np.inf:
-        raise MeasurementError('the leg as drawn reaches few of the measured crank angles')
-    best = best if misfits[best] < BETTER * misfits[0] else 0
-    return starts[best], misfits[best]
+    return starts, misfits
 
 
 def median_misfit(

@@ -44,7 +44,7 @@ def read_table(
     these columns, once each.
     """
     file = printable(path)
-    text = _decoded_text(path, error_type, max_size)
+    text = decoded_text(path, error_type, max_size)
     if text.startswith('sep='):
         # The line by which spreadsheets give the separator.
         text = text.partition('\n')[2]
@@ -103,7 +103,7 @@ def _without_quote(cell: str) -> str:
     return cell[1:] if cell.startswith("'") and cell[1:].startswith(_FORMULA_STARTS) else cell
 
 
-def _decoded_text(path: str, error_type: type[Exception], max_size: int) -> str:
+def decoded_text(path: str, error_type: type[Exception], max_size: int) -> str:
     """Return the text of a table in an encoding of spreadsheets."""
     try:
         with open_regular(path) as file:

@@ -1,6 +1,5 @@
 """What `calibrate` reads, writes, refuses, and returns."""
 
-from collections.abc import Callable
 import fcntl
 from html import unescape
 import json
@@ -15,7 +14,7 @@ import time
 from typing import Any
 
 from klann_ros.calibration.command import main
-from klann_ros.calibration.load import load_csv, Request
+from klann_ros.calibration.load import load_table, Request
 from klann_ros.datasheet.command import main as describe
 from klann_ros.export.command import main as export
 from klann_ros.robot import robot_of
@@ -159,18 +158,9 @@ def test_a_table_is_read_whole(table: Path, tmp_path: Path) -> None:
     assert main([str(table), '--leg', 'sem104', '--json', str(numbers)]) == 0
     points = json.loads(numbers.read_text())['points']
     assert (points['H']['used'], points['G']['used'], points['G']['skipped']) == (400, 399, 1)
-    (renamed,) = load_csv(str(table), robot_of('sem104').legs[0], [Request('H', 'G')])
+    (renamed,) = load_table(str(table), robot_of('sem104').legs[0], [Request('H', 'G')]).measured
     assert renamed.name == 'H'
     np.testing.assert_array_equal(renamed.values, np.delete(ROBOT.seen('G'), 7, axis=0))
-
-
-def test_a_table_of_a_spreadsheet_has_the_same_numbers(table: Path, tmp_path: Path) -> None:
-    german = tmp_path / 'german.csv'
-    text = table.read_text().replace(',', ';').replace('.', ',').replace('H,', 'H.')
-    german.write_text(text.replace('G,', 'G.'), encoding='utf-16')
-    leg = robot_of('sem104').legs[0]
-    for english, same in zip(load_csv(str(table), leg), load_csv(str(german), leg), strict=True):
-        np.testing.assert_equal(same.values, english.values)
 
 
 def test_a_linkage_file_keeps_its_units(table: Path, tmp_path: Path) -> None:
@@ -222,29 +212,6 @@ def test_bad_input_is_refused(leg_run: Path, capsys: Capture, arguments: str, re
         code = int(end.code or 0)
     assert code == 2
     line = capsys.readouterr().err.strip().splitlines()[-1]
-    assert reason in line
-
-
-@pytest.mark.parametrize(
-    ('make', 'reason'),
-    [
-        (lambda text: text.replace('time,', 'stamp,'), 'has no column time'),
-        (lambda text: text + '\n1,2,three,4,5,6', 'is no table of numbers'),
-        (lambda text: text + '\n1,2', 'is no table of numbers'),
-        # 1.234, or one thousand?
-        (lambda text: text + '\n"1,234",2,3,4,5,6', 'is no table of numbers'),
-        (lambda _: '', 'has no column time'),
-        (lambda text: text.replace('G.y', 'G.z'), 'has no column G.y'),
-        (lambda text: text.replace('H.x', 'K.x').replace('H.y', 'K.y'), 'K is no point'),
-    ],
-)
-def test_unusable_tables_are_refused_in_one_line(
-    table: Path, tmp_path: Path, capsys: Capture, make: Callable[[str], str], reason: str
-) -> None:
-    file = tmp_path / 'bad.csv'
-    file.write_text(make(table.read_text()))
-    assert main([str(file), '--leg', 'sem104']) == 2
-    (line,) = capsys.readouterr().err.splitlines()
     assert reason in line
 
 

@@ -6,6 +6,8 @@ import math
 from typing import Any
 
 from klann_ros.calibration import calibrate, CrankSamples, fit, MeasurementError, series_of
+from klann_ros.calibration.measurements import crank_points, tracked_crank, tracked_series
+from klann_ros.calibration.model import PHASE
 from klann_ros.calibration.report import text_lines, verdict
 from klann_ros.kinematics import KlannGeometry, linkage_poses, shipped_linkage
 from measured_robots import built, DRAWN, errors, NOISE, Robot
@@ -317,8 +319,8 @@ def test_an_encoder_that_misses_the_motion_is_named() -> None:
         text = ' '.join(text_lines(calibration, []))
         lines.append(text)
         assert (calibration.crank_gap > 0.0) == (step == 10)
-    assert 'between its samples' not in lines[0]
-    assert 'between its samples, which are 100 ms apart:   record the encoder' in lines[1]
+    assert 'between samples' not in lines[0]
+    assert 'between samples of its encoder' in lines[1]
 
 
 def test_residuals_beyond_the_stated_noise_enlarge_the_standard_errors() -> None:
@@ -466,3 +468,94 @@ def test_fewer_numbers_than_parameters_are_refused() -> None:
 def test_a_crank_that_stands_calibrates_nothing() -> None:
     with pytest.raises(MeasurementError, match='turn it fully'):
         calibrate(DRAWN, Robot(speed=0.001).measured())
+
+
+# Cameras without an encoder.
+
+
+def filmed(robot: Robot, see: Any, points: str = 'BHG') -> list[Any]:
+    """Return points as a camera sees them, with the crank of the first."""
+    (pin,) = [point for point in crank_points(DRAWN) if point.name == points[0]]
+    rng = np.random.default_rng(robot.seed)
+    views = [see(robot.place(name)) for name in points]
+    noises = [
+        rng.normal(0.0, robot.noise * np.ptp(views[0][:, 0]) / 0.24, view.shape) for view in views
+    ]
+    views = [view + noise for view, noise in zip(views, noises, strict=True)]
+    crank = tracked_crank(pin, robot.times, views[0])
+    measured = []
+    for name, view in zip(points, views, strict=True):
+        measured.append(tracked_series('point', name, robot.times, view, crank))
+    return measured
+
+
+def test_the_crank_of_a_tracked_pin_is_unbiased() -> None:
+    normalized_errors = []
+    for seed in range(8):
+        robot = Robot(built(seed), seed=seed, count=300, period=0.02, noise=3.0 * NOISE)
+        calibration = calibrate(DRAWN, filmed(robot, lambda points: points))
+        assert PHASE not in calibration.model.names
+        errors_of_dimensions = calibration.values - robot.linkage.numbers
+        normalized_errors.append(errors_of_dimensions / calibration.standard_errors)
+        # The noise of the points, not that of the crank in them.
+        whitened_noise = [fit.noise / robot.noise for fit in calibration.series]
+        assert 0.7 < min(whitened_noise) <= max(whitened_noise) < 1.1
+    # Eight robots of 13 dimensions.
+    assert np.mean(np.abs(normalized_errors) < 1.96) > 0.87
+    assert np.abs(np.mean(normalized_errors)) < 0.35
+
+
+def pinhole(points: np.ndarray) -> np.ndarray:
+    """Return points, shape (n, 2) [m], as a tilted camera sees them [px]."""
+    x, y = points.T
+    depth = 2.5 + 0.1 * x - 0.15 * y
+    return np.column_stack([900.0 * (x - 0.05 * y) / depth + 40.0, 880.0 * y / depth - 7.0])
+
+
+@pytest.mark.parametrize(
+    ('see', 'camera'),
+    [
+        (lambda points: photographed(points, np.exp(0.4j), 0.2), 'unknown'),
+        (lambda points: photographed(points, 700.0 * np.exp(0.4j), 30.0), 'scale'),
+        (pinhole, 'tilt'),
+    ],
+)
+def test_a_camera_of_any_pose_gives_the_lengths_within_a_tolerance(see: Any, camera: str) -> None:
+    for seed in range(2):
+        robot = Robot(built(seed), seed=seed, count=300, period=0.02)
+        calibration = calibrate(DRAWN, filmed(robot, see), camera=camera, prior=5e-4)
+        deviations = calibration.standard_errors[:13]
+        assert (np.abs(calibration.values[:13] - robot.linkage.numbers) < 4.0 * deviations).all()
+        without = calibrate(DRAWN, filmed(robot, see), camera=camera)
+        assert np.isnan(without.dimension('x_d')[1])
+        # Without a length the scale is open.
+        assert np.isnan(without.dimension('l_gh')[1]) == (camera != 'unknown')
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.03])
+def test_a_camera_that_is_turned_is_named(angle: float) -> None:
+    robot = Robot()
+    measured = []
+    for name in 'HG':
+        view = photographed(robot.seen(name), np.exp(1j * angle), 0.0)
+        measured.append(robot.series(name, view))
+    calibration = calibrate(DRAWN, measured)
+    assert calibration.camera_rotation == pytest.approx(angle, abs=0.3 * angle)
+    lines = [*text_lines(calibration, [])]
+    assert any('--camera unknown' in line for line in lines) == (angle > 0.0)
+
+
+def test_the_last_of_several_turns_is_predicted() -> None:
+    assert calibrate(DRAWN, Robot().measured()).held_out is None
+    robot = Robot(speed=2.7)
+    assert calibrate(DRAWN, robot.measured()).held_out == pytest.approx(1.0, abs=0.05)
+    measured = []
+    is_last = robot.crank > robot.crank[-1] - math.tau
+    for name in 'HG':
+        # A bolt that comes loose.
+        seen = robot.seen(name) + 4.0 * NOISE * is_last[:, None]
+        measured.append(robot.series(name, seen, noise=NOISE))
+    calibration = calibrate(DRAWN, measured)
+    assert calibration.held_out is not None
+    assert calibration.held_out > 2.0
+    assert any('last turn, predicted' in line for line in text_lines(calibration, []))

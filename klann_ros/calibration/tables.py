@@ -1,0 +1,220 @@
+"""Measurements from a table: of a logger, a spreadsheet or a video analysis."""
+
+from collections.abc import Mapping, Sequence
+import csv
+from itertools import permutations
+from math import radians
+import re
+from typing import NamedTuple
+
+from klann_ros.cli import decoded_text
+from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.robot import RobotLeg
+from klann_ros.sanitize.text import did_you_mean, listed, printable
+import numpy as np
+
+from .measurements import kind_of, MeasurementError
+
+TABLE_SUFFIXES = ('.csv', '.tsv', '.txt')
+MAX_TABLE_SIZE = 256 * 1024 * 1024
+COMMENTS = ('#', '%', '//')
+MAX_HEADER_LINES = 2
+TIMES = ('time', 't', '__time', 'timestamp')
+FRAMES = ('frame', 'frames', 'frame number', 'frame_number', 'framenumber')
+CRANKS = ('crank', 'crank_angle', 'crank angle')
+# Parts of the names of columns that are fields of messages (PlotJuggler).
+MESSAGE_FIELDS = {'point', 'pose', 'position', 'transform', 'translation', 'data'}
+# Factors of the units in a header to SI units.
+UNIT_FACTORS = {'deg': radians(1.0), '°': radians(1.0), 'ms': 1e-3, 'mm': 1e-3, 'cm': 1e-2}
+_UNIT = re.compile(r'^(.+?)(?:\s*[\[(]\s*(.+?)\s*[\])]|[ _](deg|ms|mm|cm|rad|px|s|m))$')
+_AXIS = re.compile(r'^(.+?)[_./ ]+([xyXY])$')
+
+
+class TableOptions(NamedTuple):
+    """How a table is read: columns by what they measure, the frame rate, the unit of angles."""
+
+    columns: Mapping[str, str] = {}
+    rate: float | None = None  # [1/s]
+    angle_unit: str = ''  # 'rad', 'deg', or '' if the header or the angles tell
+
+
+class Column(NamedTuple):
+    """A column of a table: its name, what it measures, its unit, and its numbers."""
+
+    name: str
+    role: str
+    unit: str
+    numbers: FloatArray
+
+
+class MeasuredTable(NamedTuple):
+    """Columns of a table: times [s], the crank if there is one, and what was measured."""
+
+    times: FloatArray
+    crank: Column | None
+    measured: Mapping[str, FloatArray]  # shape (n, k) [m, rad]
+    unused: list[str]  # what other columns say that they measure
+
+
+def read_measurements(
+    path: str, leg: RobotLeg, requests: Mapping[str, str], options: TableOptions
+) -> MeasuredTable:
+    """Return the times, the crank and the requested columns by quantity; all by default."""
+    columns = _columns(path, leg)
+    by_role = {column.role: column for column in columns}
+    for role, name in options.columns.items():
+        by_role[role] = _column(path, columns, name)
+    named = {_quantity(role) for role in by_role} - {'', 'time', 'frame', 'crank'}
+    names = [*requests] or sorted(named & _quantities(leg))
+    unused = sorted(named - {*names}) if not requests else []
+    if not names:
+        for name in unused:
+            kind_of(leg.linkage, name)
+        raise MeasurementError(
+            f'{printable(path)} has no column of a point, as H.x: there are '
+            f'{listed([column.name for column in columns], 12)}. Name them by their numbers, as '
+            f'--column time=1 --column H.x=2 --column H.y=3'
+        )
+    measured = {}
+    for name in names:
+        kind = kind_of(leg.linkage, name)
+        numbers = []
+        for suffix in ('.x', '.y') if kind == 'point' else ('',):
+            source = f'{requests.get(name, name)}{suffix}'
+            column = by_role.get(source) or _column(path, columns, source)
+            unit = column.unit or (options.angle_unit if kind == 'angle' else '')
+            numbers.append(column.numbers * UNIT_FACTORS.get(unit, 1.0))
+        measured[name] = np.column_stack(numbers)
+    times = _times(path, by_role, len(columns[0].numbers), options)
+    return MeasuredTable(times, by_role.get('crank'), measured, unused)
+
+
+def _quantity(role: str) -> str:
+    return role.removesuffix('.x').removesuffix('.y')
+
+
+def _quantities(leg: RobotLeg) -> set[str]:
+    """Return the names of points, angles and distances of a leg."""
+    structure = leg.linkage.structure
+    distances = {'-'.join(pair) for pair in permutations(structure.points, 2)}
+    return {*structure.points, *structure.angles[1:], *distances}
+
+
+def _times(
+    path: str, by_role: Mapping[str, Column], count: int, options: TableOptions
+) -> FloatArray:
+    """Return the times of the rows [s], by a column of times or of frames."""
+    column = by_role.get('time')
+    if options.rate:
+        column = column or by_role.get('frame')
+        frames: FloatArray = column.numbers if column else np.arange(float(count))
+        return frames / options.rate
+    if column is None:
+        raise MeasurementError(
+            f'{printable(path)} has no column time: name it, as --column time=1, or tell the '
+            f'frames a second with --rate'
+        )
+    return column.numbers * UNIT_FACTORS.get(column.unit, 1.0)
+
+
+def _column(path: str, columns: Sequence[Column], name: str) -> Column:
+    """Return a column by its name, by what it measures, or by its number from 1 on."""
+    matches = [column for column in columns if name in {column.name, column.role}]
+    if not matches and name.isdecimal() and 0 < int(name) <= len(columns):
+        matches = [columns[int(name) - 1]]
+    if len(matches) == 1:
+        return matches[0]
+    names = [column.name for column in columns]
+    problem = 'several columns' if matches else 'no column'
+    listing = f'{listed(names, 12)}{did_you_mean(name, names)}'
+    raise MeasurementError(
+        f'{printable(path)} has {problem} {printable(name)}: there are {listing}, numbered '
+        f'1 to {len(columns)}'
+    )
+
+
+def _columns(path: str, leg: RobotLeg) -> list[Column]:
+    """Return the columns of a table whose header may be missing, of two lines, or a comment."""
+    header: list[list[str]] = []
+    comment: list[str] = []
+    rows: list[list[float]] = []
+    lines = decoded_text(path, MeasurementError, MAX_TABLE_SIZE).splitlines()
+    lines = ['' if line.startswith('sep=') else line for line in lines]
+    delimiter = _delimiter(lines)
+    # Between commas a comma may group thousands.
+    comma = ',' if delimiter == ',' else '.'
+    for n, line in enumerate(lines):
+        cells = _cells(line.lstrip('#%/ ') if line.startswith(COMMENTS) else line, delimiter)
+        if not any(cells):
+            continue
+        if line.startswith(COMMENTS):
+            comment = comment if rows else cells
+            continue
+        try:
+            row = [float(cell.replace(',', comma) or 'nan') for cell in cells]
+            if rows and len(row) != len(rows[0]):
+                raise ValueError(f'{len(row)} cells for {len(rows[0])} columns')  # noqa: TRY301
+            rows.append(row)
+        except ValueError as error:
+            if rows or len(header) == MAX_HEADER_LINES:
+                place = f'{printable(path)}, line {n + 1}'
+                raise MeasurementError(f'{place} is no table of numbers: {error}') from None
+            header.append(cells)
+    if not rows:
+        raise MeasurementError(f'{printable(path)} has no column time: it has no numbers')
+    columns = []
+    names = _header_names(header, comment, len(rows[0]))
+    for n, numbers in enumerate(np.array(rows).T):
+        role, unit = _role(names[n], leg)
+        columns.append(Column(names[n] or str(n + 1), role, unit, numbers))
+    return columns
+
+
+def _delimiter(lines: Sequence[str]) -> str:
+    """Return the delimiter of the first line that is no comment; a space for any of them."""
+    for line in lines:
+        if line.strip() and not line.startswith(COMMENTS):
+            return next((mark for mark in ';\t,' if mark in line), ' ')
+    return ','
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line, without quotes."""
+    if delimiter == ' ':
+        return line.split()
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error as error:
+        raise MeasurementError(f'{printable(line[:40])} is no line of a table: {error}') from None
+    return [cell.strip() for cell in cells]
+
+
+def _header_names(header: Sequence[list[str]], comment: list[str], count: int) -> list[str]:
+    """Return the names of columns; of two lines the first has points over their x and y."""
+    if not header:
+        return comment if len(comment) == count else [''] * count
+    names = [*header[-1], *[''] * count][:count]
+    point = ''
+    for n, cell in enumerate(header[0][:count] if len(header) > 1 else ()):
+        point = cell or point
+        names[n] = f'{point}.{names[n]}' if point else names[n]
+    return names
+
+
+def _role(name: str, leg: RobotLeg) -> tuple[str, str]:
+    """Return what a column measures, such as 'time' or 'H.x', and its unit, '' if unknown."""
+    match = _UNIT.match(name)
+    base = match[1] if match else name
+    unit = (match[2] or match[3]).lower() if match else ''
+    unit = 'deg' if unit.startswith('deg') else unit
+    for role, words in (('time', TIMES), ('frame', FRAMES), ('crank', CRANKS)):
+        if base.lower() in words or (role == 'crank' and base == leg.linkage.joint_names[0]):
+            return role, unit
+    parts = [part for part in base.split('/') if part.lower() not in MESSAGE_FIELDS]
+    if len(parts) > 1 and parts[-1] in {leg.crank_joint, 'crank_angle'}:
+        return 'crank', unit
+    axis = _AXIS.match('.'.join(parts[-2:]))
+    if axis is None:
+        return base, unit
+    points = {point.lower(): point for point in leg.linkage.structure.points}
+    return f'{points.get(axis[1].lower(), axis[1])}.{axis[2].lower()}', unit
