@@ -6,12 +6,7 @@ from klann_ros.lazy_face import lazy_face
 
 if TYPE_CHECKING:
     from .clients import PageState, recorded_counts, status_text
-    from .drive import (
-        crank_at,
-        DriveError,
-        LiveCrankDrive,
-        WalkDrive,
-    )
+    from .drive import crank_at, DriveError, LiveCrankDrive, WalkDrive
     from .guard import Guard, new_token
     from .legs import (
         assumed_solver,

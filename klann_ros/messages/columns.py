@@ -46,12 +46,7 @@ class ColumnReader:
     `paths` are the fields to be read, in the message's order, `names` is a sequence of texts.
     """
 
-    def __init__(
-        self,
-        message_type: MessageType,
-        paths: Sequence[str],
-        names: str = '',
-    ) -> None:
+    def __init__(self, message_type: MessageType, paths: Sequence[str], names: str = '') -> None:
         self._type = message_type
         self._paths = paths
         self._names = names

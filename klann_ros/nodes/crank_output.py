@@ -12,10 +12,7 @@ from .endpoints import create_publisher, publish_last
 from .parameters import Declaration
 
 # The types that hold velocities alone, as for ros2_control.
-_VELOCITY_ARRAYS = {
-    'velocities': Float64MultiArray,
-    'velocities_float32': Float32MultiArray,
-}
+_VELOCITY_ARRAYS = {'velocities': Float64MultiArray, 'velocities_float32': Float32MultiArray}
 COMMAND_TYPE = Declaration(
     'command_type',
     'joint_state',

@@ -37,35 +37,14 @@ if TYPE_CHECKING:
     from .fleet import Row, rows_from_table
     from .fleet.index import verdict_chip
     from .live.judge import LiveFinding, LiveJudge, STEP
-    from .load.geometry import (
-        leg_solvers,
-        parent,
-        published_legs,
-    )
+    from .load.geometry import leg_solvers, parent, published_legs
     from .load.window import MAX_MESSAGES
-    from .model.compare import (
-        compare,
-        Comparison,
-        Difference,
-    )
-    from .model.limits import (
-        Limits,
-        limits_from_file,
-        LimitsFileError,
-    )
+    from .model.compare import compare, Comparison, Difference
+    from .model.limits import Limits, limits_from_file, LimitsFileError
     from .model.recording import LegSolver
-    from .model.review import (
-        Finding,
-        Review,
-        ReviewedLeg,
-        Severity,
-    )
+    from .model.review import Finding, Review, ReviewedLeg, Severity
     from .model.topics import TopicFigures
-    from .report.data import (
-        NoPandasError,
-        pose_arrays,
-        pose_frame,
-    )
+    from .report.data import NoPandasError, pose_arrays, pose_frame
     from .reviewing import review_run
 else:
     __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

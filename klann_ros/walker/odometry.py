@@ -67,7 +67,12 @@ from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet, FootMotion, stance, Support, Symmetric, Triple
 from klann_ros.kinematics.arrays import FloatArray
 
-from .accelerometer import AccelerometerMonitor, AccelerometerState
+from .accelerometer import (
+    AccelerometerMonitor,
+    AccelerometerState,
+    GyroCalibration,
+    StandstillDetector,
+)
 from .crank_motion import CrankFilter, StanceEstimator
 from .filter_state import (
     BIAS_X,
@@ -85,7 +90,6 @@ from .filter_state import (
 from .imu import ImuIncrement, ImuReading
 from .imu_monitor import IMU_PROBLEMS, ImuInput
 from .settings import OdometryNoise
-from .standstill import GyroCalibration, StandstillDetector
 
 # Variance of a yaw rate that is known [rad^2/s^2].
 KNOWN_YAW_VARIANCE = 1e-18

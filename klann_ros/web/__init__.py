@@ -17,13 +17,7 @@ if TYPE_CHECKING:
         sortable_table,
         table_row,
     )
-    from .parts import (
-        FRAME,
-        html_page,
-        Parts,
-        SHARED,
-        text,
-    )
+    from .parts import FRAME, html_page, Parts, SHARED, text
     from .shape import leg_shape
 else:
     __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -23,8 +23,7 @@ from klann_ros.kinematics import (
     UnreachableError,
 )
 from klann_ros.kinematics.drawing import PoseDrawing
-from klann_ros.plotting.drawing import PoseArtists
-from klann_ros.plotting.plane import draw_angles
+from klann_ros.plotting.plane import draw_angles, PoseArtists
 import matplotlib as mpl
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc

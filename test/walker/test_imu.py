@@ -16,10 +16,14 @@ from klann_ros.walker import (
     OdometryNoise,
     Walker,
 )
-from klann_ros.walker.accelerometer import AccelerometerMonitor, AccelerometerState
+from klann_ros.walker.accelerometer import (
+    AccelerometerMonitor,
+    AccelerometerState,
+    GyroCalibration,
+    StandstillDetector,
+)
 from klann_ros.walker.imu import ImuIncrement, ImuPreintegration
 from klann_ros.walker.imu_monitor import ImuState
-from klann_ros.walker.standstill import GyroCalibration, StandstillDetector
 import numpy as np
 import pytest
 

@@ -32,8 +32,7 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Bool
 
 from .declarations import CONTROL, LIMITS, noise, ODOMETRY, settings, WALKER_PARAMETERS
-from .messages import ImuReader, OdomOutput, read_pose, read_twist, twist_message
-from .reports import WalkerReports
+from .messages import ImuReader, OdomOutput, read_pose, read_twist, twist_message, WalkerReports
 from .timing import CommandPacer, ControlClock, steady_time, transport_age, WATCH_PERIOD
 
 # Steps of a turn of the cranks, for warnings.

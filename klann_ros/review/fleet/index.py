@@ -10,16 +10,7 @@ from typing import BinaryIO
 from urllib.parse import quote
 
 from klann_ros.sanitize.text import counted
-from klann_ros.web import (
-    breakable,
-    element,
-    FRAME,
-    Markup,
-    number,
-    Parts,
-    SHARED,
-    sortable_table,
-)
+from klann_ros.web import breakable, element, FRAME, Markup, number, Parts, SHARED, sortable_table
 
 from .rows import FINDINGS, OK, Row, UNREADABLE
 

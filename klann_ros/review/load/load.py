@@ -16,12 +16,7 @@ from klann_ros.log import (
 )
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME
 from klann_ros.review.model.recording import RunRecording, Trajectory, WalkRecording
-from klann_ros.review.model.times import (
-    is_time_of_log,
-    merge_intervals,
-    Series,
-    SeriesPool,
-)
+from klann_ros.review.model.times import is_time_of_log, merge_intervals, Series, SeriesPool
 from klann_ros.review.model.topics import TopicRecording
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable_line
