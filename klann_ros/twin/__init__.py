@@ -14,46 +14,28 @@ the extra `sim`; without it these raise a NoMujocoError. A `FaultInjector` chang
 readings as faults of the hardware do.
 """
 
-from .agreement import Agreement, agreement
-from .injection import described_faults, FaultInjector, injected_faults, Injection
-from .mjcf import Floor, robot_mjcf, start_angle
-from .tree import spanning_tree
-from .twin import (
-    DivergedError,
-    Imu,
-    ImuSampling,
-    Motors,
-    NoMujocoError,
-    Pace,
-    RealTimeFactor,
-    Sensors,
-    SimulatedCrank,
-    Truth,
-    Twin,
-    TwinError,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    'Agreement',
-    'DivergedError',
-    'FaultInjector',
-    'Floor',
-    'Imu',
-    'ImuSampling',
-    'Injection',
-    'Motors',
-    'NoMujocoError',
-    'Pace',
-    'RealTimeFactor',
-    'Sensors',
-    'SimulatedCrank',
-    'Truth',
-    'Twin',
-    'TwinError',
-    'agreement',
-    'described_faults',
-    'injected_faults',
-    'robot_mjcf',
-    'spanning_tree',
-    'start_angle',
-]
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .comparison import Agreement, agreement
+    from .injection import described_faults, FaultInjector, injected_faults, Injection
+    from .mjcf import Floor, robot_mjcf, start_angle
+    from .tree import spanning_tree
+    from .twin import (
+        DivergedError,
+        Imu,
+        ImuSampling,
+        Motors,
+        NoMujocoError,
+        Pace,
+        RealTimeFactor,
+        Sensors,
+        SimulatedCrank,
+        Truth,
+        Twin,
+        TwinError,
+    )
+else:
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

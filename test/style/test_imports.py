@@ -28,7 +28,7 @@ ALLOWED = {
     'robot': {'lazy_face', 'sanitize', 'kinematics', 'dynamics'},
     'gait': {'lazy_face', 'kinematics', 'dynamics', 'robot'},
     'walker': {'lazy_face', 'kinematics', 'dynamics', 'robot', 'gait'},
-    'twin': {'sanitize', 'kinematics', 'dynamics', 'robot'},
+    'twin': {'lazy_face', 'sanitize', 'kinematics', 'dynamics', 'robot'},
     'plotting': {'lazy_face', 'kinematics'},
     'web': {'lazy_face', 'sanitize', 'kinematics'},
     'review': {
