@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import islice
 from math import isfinite, nan, pi
 from typing import Any, TypeGuard
 
 from klann_ros.kinematics import (
-    AnyLeg,
     BENDS,
     JOINTS,
     KlannGeometry,
@@ -36,9 +36,6 @@ _CHANGED = (
     'Its lengths were changed while it was recorded: the leg is drawn with the last ones, which '
     'are not its own before that.'
 )
-# Shapes that are kept: all legs of a walker have one linkage.
-_MAX_SHAPES = 32
-_shapes: list[tuple[Linkage, dict[str, Any]]] = []
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,23 +44,15 @@ class LiveLeg:
 
     # '' for the only, unnamed one.
     name: str
-    # Its solver; None if its linkage is unknown.
-    leg: AnyLeg | None
-    # alpha = direction * crank + phase.
-    direction: float = 1.0
-    phase: float = 0.0
-    crank_joint: str = 'crank'
+    solver: LegSolver
     # The pose of its plane in base_link [m], [rad]; None if unknown.
     mount_xyz: tuple[float, ...] | None = None
     mount_rpy: tuple[float, ...] = _UPRIGHT
-    joint_separator: str = '/'
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Return the published names of its joints, the crank's first."""
-        names = self.leg.joint_names if self.leg else ()
-        prefix = f'{self.name}{self.joint_separator}' if self.name else ''
-        return tuple(prefix + name for name in names)
+        """Return the published names of its joints, the crank's first; none if it is unknown."""
+        return self.solver.published_joints(self.name) if self.solver.leg else ()
 
     def as_data(self) -> dict[str, Any]:
         """Return it for the page, ready for JSON."""
@@ -74,13 +63,14 @@ class LiveLeg:
             'slides': [],
             'shape': None,
             'mount': {'xyz': self.mount_xyz, 'rpy': self.mount_rpy} if self.mount_xyz else None,
-            'direction': self.direction,
-            'phase': self.phase,
+            'direction': float(self.solver.direction) or 1.0,
+            'phase': float(self.solver.phase),
         }
-        if self.leg:
-            linkage = self.leg.linkage
+        leg = self.solver.leg
+        if leg:
+            linkage = leg.linkage
             data['kind'] = printable(linkage.name, 60)
-            data['joints'] = [printable(name, 60) for name in self.leg.joint_names]
+            data['joints'] = [printable(name, 60) for name in leg.joint_names]
             data['slides'] = [body.slides for body in linkage.structure.bodies]
             data['shape'] = drawn_shape(linkage)
         return data
@@ -146,33 +136,27 @@ def assumed_solver(node: str, names: Sequence[str]) -> LiveSolver:
     """Return the Klann legs whose joints a node publishes without their lengths."""
     legs = list(published_legs(names, JOINTS))
     leg = KlannLeg(KlannGeometry.sem104())
+    live_legs = []
+    for name, separator in legs[:MAX_LEGS]:
+        live_legs.append(LiveLeg(name, LegSolver(leg=leg, joint_separator=separator)))
     return LiveSolver(
         node,
-        tuple(LiveLeg(name, leg, joint_separator=mark) for name, mark in legs[:MAX_LEGS]),
+        tuple(live_legs),
         does='published by',
         note=_ASSUMED if legs else _UNKNOWN_SOLVER,
     )
 
 
 def _make_legs(records: Sequence[SolverParameters], namespace: str) -> tuple[LiveLeg, ...]:
-    parameters = {record.node: record.parameters for record in records}
+    node_parameters = {record.node: record.parameters for record in records}
     legs = []
     for name, solver in islice(leg_solvers(records, namespace).items(), MAX_LEGS):
-        legs.append(_make_leg(name, solver, parameters[solver.nodes[-1]]))
+        # The unnamed leg has no mount.
+        parameters = node_parameters[solver.nodes[-1]] if name else {}
+        xyz = _triple(parameters.get(f'{name}.mount_xyz'))
+        rpy = _triple(parameters.get(f'{name}.mount_rpy'))
+        legs.append(LiveLeg(name, solver, xyz, rpy or _UPRIGHT))
     return tuple(legs)
-
-
-def _make_leg(name: str, solver: LegSolver, parameters: Mapping[str, Any]) -> LiveLeg:
-    return LiveLeg(
-        name,
-        solver.leg,
-        float(solver.direction) or 1.0,
-        float(solver.phase),
-        str(parameters.get(f'{name}.crank_joint') or solver.crank_joint)[:200],
-        _triple(parameters.get(f'{name}.mount_xyz')) if name else None,
-        (_triple(parameters.get(f'{name}.mount_rpy')) if name else None) or _UPRIGHT,
-        solver.joint_separator,
-    )
 
 
 def _settable_lengths(
@@ -203,15 +187,10 @@ def _is_finite(value: Any) -> TypeGuard[float]:
     return isinstance(value, int | float) and isfinite(value)
 
 
+@lru_cache(maxsize=32)
 def drawn_shape(linkage: Linkage) -> dict[str, Any]:
     """Return a linkage's shape, the path of its foot, and the bounding box of both [m]."""
-    for drawn_linkage, shape in _shapes:
-        if drawn_linkage == linkage:
-            return shape
-    shape = {**leg_shape(linkage), **_path_and_box(linkage)}
-    _shapes.append((linkage, shape))
-    del _shapes[:-_MAX_SHAPES]
-    return shape
+    return {**leg_shape(linkage), **_path_and_box(linkage)}
 
 
 def _path_and_box(linkage: Linkage) -> dict[str, Any]:

@@ -151,10 +151,10 @@ def test_a_leg_is_known_by_its_solver() -> None:
     }
     solver = solver_of(SolverParameters('/x/solver_node', 0, parameters))
     a, b = solver.legs
-    assert (a.name, b.name, b.direction, b.phase) == ('a', 'b', -1.0, 1.0)
+    assert (a.name, b.name, b.solver.direction, b.solver.phase) == ('a', 'b', -1.0, 1.0)
     assert b.mount_xyz == (1.0, 2.0, 3.0)
-    assert b.leg is not None
-    assert b.leg.linkage.dimensions['l_gh'] == 0.5
+    assert b.solver.leg is not None
+    assert b.solver.leg.linkage.dimensions['l_gh'] == 0.5
     assert b.joint_names[0] == 'b/alpha'
     assert 'b.l_gh' in solver.lengths
     assert 'use_sim_time' not in solver.lengths
@@ -196,8 +196,8 @@ def test_a_player_lists_the_legs_of_its_run_by_namespace() -> None:
     ):
         solver = replayed_solver('/again/player_node', topic, read)
         (leg,) = solver.legs
-        assert leg.leg
-        assert leg.leg.linkage.dimensions['l_gh'] == length
+        assert leg.solver.leg
+        assert leg.solver.leg.linkage.dimensions['l_gh'] == length
         assert solver.lengths == {}
         assert ('were changed while it was recorded' in solver.note) is is_changed
 

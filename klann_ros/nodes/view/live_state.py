@@ -189,7 +189,8 @@ class LiveState(PageState):
             if drive.removeprefix(f'{CRANK}:') in self._crank_topics.get(page_leg.solver, ()):
                 pose = _newest_pose(page_leg.leg, self._subscriptions.messages(page_leg.topic))
                 if pose is not None:
-                    return crank_at(pose[2][0], page_leg.leg.direction, page_leg.leg.phase)
+                    solver = page_leg.leg.solver
+                    return crank_at(pose[2][0], solver.direction, solver.phase)
         return 0.0
 
     # Callbacks in ROS's thread.

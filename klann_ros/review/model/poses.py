@@ -189,10 +189,10 @@ class LegFigures:
     #: Largest distance of the stance path from its best straight line, as a share of its length;
     #: of the geometry, over a turn.
     straightness: float
-    worst_transmission_angle: float  #: least min(mu, pi - mu) of all dyads [rad]
-    worst_residual: float  #: of a recorded pose [m]
-    worst_angle_error: float  #: largest difference from the solved pose [rad]
-    worst_foot_error: float  #: largest distance of H from the foot of its pose [m]
+    worst_transmission_angle: float = nan  #: least min(mu, pi - mu) of all dyads [rad]
+    worst_residual: float = nan  #: of a recorded pose [m]
+    worst_angle_error: float = nan  #: largest difference from the solved pose [rad]
+    worst_foot_error: float = nan  #: largest distance of H from the foot of its pose [m]
 
 
 def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigures:
@@ -211,17 +211,7 @@ def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigure
         straightness = stance.straightness
         is_stance = np.mod(alphas - stance.start, _TURN) < stance.end - stance.start
         duty_factor = float(np.mean(is_stance)) if is_stance.size else nan
-    figures = LegFigures(
-        turns,
-        float(stride),
-        float(lift),
-        duty_factor,
-        straightness,
-        worst_transmission_angle=nan,
-        worst_residual=nan,
-        worst_angle_error=nan,
-        worst_foot_error=nan,
-    )
+    figures = LegFigures(turns, float(stride), float(lift), duty_factor, straightness)
     if errors is None:
         return figures
     mu = errors.transmission_angles
