@@ -60,10 +60,9 @@ if TYPE_CHECKING:
     from .mcap.growing import GrowingFile, NamedRecord
     from .playback import length, Playback, Selection
     from .qos import latched_count, Qos, qos_to_yaml, QosTexts
-    from .read.log_times import LogTimes, MAX_ROS_TIME
     from .read.run_files import is_log_name, LOG_HELP, natural_key, run_files, run_name
     from .read.storage import block_of_messages, HEAD, LAST_TIME, MessageBlock
-    from .reader import Log, open_log
+    from .reader import Log, LogTimes, MAX_ROS_TIME, open_log
     from .records import ANNOTATION, Attachment, Message, Topic
     from .recovery import recover, Recovery
     from .run_parameters import (

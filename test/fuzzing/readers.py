@@ -35,7 +35,7 @@ from klann_ros.log.run_parameters import (
     solver_parameters,
     topic_counts,
 )
-from klann_ros.review.fleet.judge import expectations_from_file
+from klann_ros.review.fleet.judging import expectations_from_file
 from klann_ros.review.fleet.rows import rows_from_table
 from klann_ros.review.load.geometry import klann_legs_in_urdf
 from klann_ros.review.model.limits import limits_from_file

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from hypothesis import given, settings, strategies as st
 from klann_ros.gait import Feet, Rates, Steering, Twist2D, walk_figures
-from klann_ros.gait.phase_map import MAP_POINTS, phase_map, phase_twists, TurnPlan
 from klann_ros.gait.stance import body_displacement, Facet, stance_pose, StancePose, support
+from klann_ros.gait.steering import MAP_POINTS, phase_map, phase_twists, TurnPlan
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import robot_of
 import numpy as np

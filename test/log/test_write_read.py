@@ -15,8 +15,7 @@ from crank_runs import (
 )
 from hypothesis import given, settings, strategies as st
 from klann_ros.log.qos import Qos, qos_to_yaml
-from klann_ros.log.read.log_times import MAX_LOG_DURATION
-from klann_ros.log.reader import open_log
+from klann_ros.log.reader import MAX_LOG_DURATION, open_log
 from klann_ros.log.records import Attachment, Message, Topic
 from klann_ros.log.write.writer import RunWriter
 from mcap.reader import make_reader

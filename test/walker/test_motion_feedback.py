@@ -6,7 +6,7 @@ from math import pi
 from pathlib import Path
 
 from klann_ros.gait import Feet, Rates, Steering, Twist2D
-from klann_ros.gait.phase_map import phase_map
+from klann_ros.gait.steering import phase_map
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import robot_of
 from klann_ros.walker import ControllerSettings

@@ -7,27 +7,21 @@ Many runs, each judged alone, in parallel: a row a run.
 ...     print(row.run, row.verdict, row.reason)
 """
 
-from .judge import (
-    Expectations,
-    expectations_from_file,
-    ExpectationsFileError,
-    find_runs,
-    FoundRun,
-    judge,
-    judge_runs,
-    Task,
-)
-from .rows import Row, rows_from_table
+from typing import TYPE_CHECKING
 
-__all__ = [
-    'Expectations',
-    'ExpectationsFileError',
-    'FoundRun',
-    'Row',
-    'Task',
-    'expectations_from_file',
-    'find_runs',
-    'judge',
-    'judge_runs',
-    'rows_from_table',
-]
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .judging import (
+        Expectations,
+        expectations_from_file,
+        ExpectationsFileError,
+        find_runs,
+        FoundRun,
+        judge,
+        judge_runs,
+        Task,
+    )
+    from .rows import Row, rows_from_table
+else:
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

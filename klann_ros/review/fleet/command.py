@@ -31,7 +31,7 @@ from klann_ros.sanitize.text import counted, printable
 from tqdm import tqdm
 
 from .index import save_index
-from .judge import (
+from .judging import (
     Expectations,
     expectations_from_file,
     find_runs,
