@@ -33,12 +33,14 @@ class Area(NamedTuple):
         ends = np.array([_distance(bar_end, *edges).min(axis=-1) for bar_end in bars])
         is_inside = np.array([self._contains(bar_end) for bar_end in bars])
         sides = _side(self.corners, *bars)
-        # A bar across the polygon is moved sideways, off its corners.
+        # A bar across the polygon is moved sideways, off its corners, or along itself.
         sideways = np.minimum(sides.max(axis=-1), -sides.min(axis=-1))
         is_across = sides * np.roll(sides, -1, axis=-1) < 0.0
         is_across &= _side(bars[0], *edges) * _side(bars[1], *edges) < 0.0
         outside = np.minimum(ends.min(axis=0), _distance(self.corners, *bars).min(axis=-1))
-        clearance = np.where(is_across.any(axis=-1), -sideways, outside)
+        clearance = np.where(
+            is_across.any(axis=-1), -np.minimum(sideways, ends.min(axis=0)), outside
+        )
         depth = np.where(is_inside, ends, 0.0).max(axis=0)
         return np.asarray(np.where(is_inside.any(axis=0), -depth, clearance))
 

@@ -91,7 +91,7 @@ def variant_scores(requirements: Requirements, variants: Variants) -> Scores:
     for limit in requirements.cheap_limits:
         # The refinement of exact poses begins near them.
         bound = limit._replace(value=SEARCH_VALUES.get(limit.figure, limit.value))
-        scale = abs(bound.value) or (variants.base.size if limit.unit == 'm' else 1.0)
+        scale = abs(bound.value) or 1.0
         shortfall = bound.shortfall(figures[limit.figure]) / scale + LIMIT_MARGIN
         violations.append(np.where(judgement.turns, shortfall, 10.0))
     loss_table = np.nan_to_num(np.array(losses), nan=WORST_LOSS, posinf=WORST_LOSS).T

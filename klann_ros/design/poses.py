@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
-from klann_ros.kinematics import Linkage, linkage_poses, Structure
+from klann_ros.kinematics import linkage_poses, Structure
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import BoolArray, ComplexArray, FloatArray
 import numpy as np
@@ -15,15 +15,11 @@ from .space import RequirementsError, Space, Units
 # Greatest error of exact poses relative to the leg's size, and that of candidates to be refined;
 # weight of exact poses in the refinement.
 EXACT_ERROR, EXACT_IN_SEARCH, EXACT_WEIGHTS = 1e-6, 0.05, (1.0, 1e2, 1e4)
-# Crank angles between which the nearest pose is sought; Gauss-Newton steps to it, and the
-# half-width of their central differences [rad].
-NEAREST_ANGLES, NEAREST_STEPS, NEAREST_WIDTH = 720, 6, 1e-5
-NEAREST_STEP = TURN / NEAREST_ANGLES
+# Crank angles between which a pose is sought; the half-width of central differences.
+NEAREST_ANGLES, STEP = 720, 1e-5
 MAX_STEPS, FIRST_DAMPING, MAX_DAMPING, MIN_GAIN = 60, 1e-2, 1e4, 1e-7
 # Points of a path in the refinement.
 MAX_PATH_POINTS = 32
-# A start on an end of a range is just within it.
-MARGIN = 1e-9
 # Residual of a candidate that does not turn [m].
 WORST_MISS = 1e6
 
@@ -102,38 +98,30 @@ class PoseTarget:
         """
         misses = self.misses(structure, points[:, :, None])
         step_count = misses.shape[1]
-        steps = np.roll(misses, -1, axis=1) - misses
+        places = np.nan_to_num(self.cranks) * (step_count / TURN)
         if self.is_timed:
-            first = np.floor(self.cranks * (step_count / TURN)).astype(int)
-            along = np.broadcast_to(self.cranks * (step_count / TURN) - first, misses.shape[:-1])
+            first = places.astype(int)
             rows = (np.arange(step_count)[:, None] + first) % step_count
-            misses, steps = (part[:, rows, np.arange(len(first))] for part in (misses, steps))
-        else:
-            first = 0
-            with np.errstate(all='ignore'):
-                along = -(np.conj(steps) * misses).real.sum(axis=-1) / _squares(steps)
-            along = np.clip(along, 0.0, 1.0)
+            columns = np.arange(len(first))
+            start = misses[:, rows, columns]
+            end = misses[:, (rows + 1) % step_count, columns]
+            misses = start + (places - first)[:, None] * (end - start)
+        steps = np.roll(misses, -1, axis=1) - misses
+        slopes = (np.conj(steps) * misses).real.sum(axis=-1)
+        bends = _squares(steps)
+        if self.is_timed:
+            # One place in the turn for all.
+            slopes = slopes.sum(axis=-1, keepdims=True)
+            bends = bends.sum(axis=-1, keepdims=True)
+        with np.errstate(all='ignore'):
+            along = np.clip(-slopes / bends, 0.0, 1.0)
         squares = _squares(misses + along[..., None] * steps)
         total = squares.sum(axis=-1, keepdims=True) if self.is_timed else squares
-        nearest = np.broadcast_to(total.argmin(axis=1), squares[:, 0].shape)[:, None]
-        place = nearest + np.take_along_axis(along, nearest, 1) + first
-        distances = np.sqrt(np.take_along_axis(squares, nearest, 1))
-        return place[:, 0] * (TURN / step_count), distances[:, 0]
-
-    def nearest(self, linkage: Linkage) -> tuple[FloatArray, FloatArray]:
-        """Return the crank angles nearest to the poses, and the distances [m], shapes (k,)."""
-        turn: Any = linkage_poses(linkage, crank_angles(NEAREST_ANGLES), points=True)
-        alphas = self.locate(linkage.structure, turn.points[None])[0][0]
-        for _ in range(NEAREST_STEPS):
-            around = alphas + NEAREST_WIDTH * np.array([[-1.0], [0.0], [1.0]])
-            poses: Any = linkage_poses(linkage, around, points=True)
-            earlier, misses, later = self.misses(linkage.structure, poses.points)
-            rates = (later - earlier) / (2.0 * NEAREST_WIDTH)
-            slopes = (np.conj(rates) * misses).real.sum(axis=-1)
-            bends = _squares(rates)
-            newton_step = slopes.sum() / bends.sum() if self.is_timed else slopes / bends
-            alphas = alphas - np.clip(newton_step, -NEAREST_STEP, NEAREST_STEP)
-        return alphas, np.sqrt(_squares(misses))
+        nearest = total.argmin(axis=1)[:, None]
+        places = (nearest + np.take_along_axis(along, nearest, 1))[:, 0] + places
+        nearest = np.broadcast_to(nearest, (len(points), 1, len(self.points)))
+        distances = np.sqrt(np.take_along_axis(squares, nearest, 1)[:, 0])
+        return places * (TURN / step_count), distances
 
     def figures(self, distances: FloatArray, size: Any) -> dict[str, Any]:
         """Return the figures of distances, shape (..., k), and of the legs' sizes [m]."""
@@ -142,69 +130,49 @@ class PoseTarget:
 
 
 def refined_on_poses(target: PoseTarget, space: Space, x: FloatArray) -> FloatArray:
-    """Return a candidate nearer to its poses, x of shape (d,)."""
-    first_alphas = target.nearest(space.variants(x[None])[0])[0]
+    """Return a candidate nearer to its poses by Levenberg-Marquardt, x of shape (d,)."""
+    count = len(x)
+    structure = space.linkage.structure
+    turn: Any = linkage_poses(space.variants(x[None]), crank_angles(NEAREST_ANGLES), points=True)
+    first_alphas = target.locate(structure, turn.points)[0][0]
     variables = np.concatenate([x, np.zeros(1 if target.is_timed else len(first_alphas))])
-    for weight in EXACT_WEIGHTS:
-        fit = _PoseFit(target, space, first_alphas, weight)
-        variables = _least_squares(fit, variables)
-    return variables[: len(x)]
 
-
-class _PoseFit(NamedTuple):
-    """Residuals of a candidate; its variables are x and changes of the crank angles."""
-
-    target: PoseTarget
-    space: Space
-    alphas: FloatArray
-    exact_weight: float
-
-    def misses(self, x: FloatArray, alphas: FloatArray) -> Any:
-        """Return the weighted parts of candidates, x of shape (n, d), shape (n, ..., 4 k)."""
-        poses: Any = linkage_poses(self.space.variants(x), alphas, points=True)
-        weights = np.where(self.target.is_exact, self.exact_weight, 1.0)[:, None]
-        parts = weights * self.target.misses(self.space.linkage.structure, poses.points)
+    def misses(x_rows: FloatArray, alphas: FloatArray) -> Any:
+        """Return the weighted parts of candidates, shape (n, ..., 4 k)."""
+        poses: Any = linkage_poses(space.variants(x_rows), alphas, points=True)
+        parts = weights[:, None] * target.misses(structure, poses.points)
         table = np.concatenate([parts.real, parts.imag], axis=-1)
         return np.nan_to_num(table, nan=WORST_MISS).reshape(*parts.shape[:-2], -1)
 
-    def residuals(self, variables: FloatArray) -> FloatArray:
-        """Return the residuals, shape (4 k,)."""
-        count = len(self.space.names)
-        return np.asarray(self.misses(variables[None, :count], self.alphas + variables[count:])[0])
+    def residuals(point: FloatArray) -> FloatArray:
+        return np.asarray(misses(point[None, :count], first_alphas + point[count:])[0])
 
-    def jacobian(self, variables: FloatArray) -> FloatArray:
+    def jacobian(point: FloatArray) -> FloatArray:
         """Return central differences: by the dimensions, then by the crank angles."""
-        count = len(self.space.names)
-        x = variables[:count]
-        alphas = self.alphas + variables[count:]
-        steps = NEAREST_WIDTH * np.eye(count)
-        misses = self.misses(np.concatenate([x + steps, x - steps]), alphas)
-        by_x = misses[:count] - misses[count:]
-        around = alphas + NEAREST_WIDTH * np.array([[1.0], [-1.0]])
-        later, earlier = self.misses(x[None], around)[0]
+        alphas = first_alphas + point[count:]
+        steps = STEP * np.eye(count)
+        by_x = misses(point[:count] + steps, alphas) - misses(point[:count] - steps, alphas)
+        later, earlier = misses(point[None, :count], alphas + STEP * np.array([[1.0], [-1.0]]))[0]
         by_angle = (later - earlier)[None]
-        if not self.target.is_timed:
+        if not target.is_timed:
             by_angle = by_angle * np.repeat(np.eye(len(alphas)), 4, axis=1)
-        rows_by_variable = np.concatenate([by_x.reshape(count, -1), by_angle])
-        return np.asarray(rows_by_variable.T / (2.0 * NEAREST_WIDTH))
+        return np.asarray(np.concatenate([by_x, by_angle]).T / (2.0 * STEP))
 
-
-def _least_squares(fit: _PoseFit, variables: FloatArray) -> FloatArray:
-    """Return the variables after Levenberg-Marquardt, x within [0, 1]."""
-    count = len(fit.space.names)
-    damping = FIRST_DAMPING
-    for _ in range(MAX_STEPS):
-        errors = fit.residuals(variables)
-        rows = np.vstack([fit.jacobian(variables), damping * np.eye(len(variables))])
-        step = np.linalg.lstsq(rows, np.concatenate([-errors, 0.0 * variables]))[0]
-        next_variables = variables + step
-        next_variables[:count] = np.clip(next_variables[:count], 0.0, 1.0)
-        gain = 1.0 - np.linalg.norm(fit.residuals(next_variables)) / np.linalg.norm(errors)
-        variables = next_variables if gain > 0.0 else variables
-        damping = damping * (0.1 if gain > 0.0 else 10.0)
-        if damping > MAX_DAMPING or 0.0 < gain < MIN_GAIN:
-            break
-    return variables
+    for exact_weight in EXACT_WEIGHTS:
+        weights = np.where(target.is_exact, exact_weight, 1.0)
+        damping = FIRST_DAMPING
+        for _ in range(MAX_STEPS):
+            errors = residuals(variables)
+            rows = np.vstack([jacobian(variables), damping * np.eye(len(variables))])
+            step = np.linalg.lstsq(rows, np.concatenate([-errors, 0.0 * variables]))[0]
+            next_variables = variables + step
+            next_variables[:count] = np.clip(next_variables[:count], 0.0, 1.0)
+            gain = 1.0 - np.linalg.norm(residuals(next_variables)) / np.linalg.norm(errors)
+            variables = next_variables if gain > 0.0 else variables
+            damping *= 0.1 if gain > 0.0 else 10.0
+            if damping > MAX_DAMPING or 0.0 < gain < MIN_GAIN:
+                break
+    return variables[:count]
 
 
 def poses_from(content: Mapping[str, Any], units: Units) -> PoseTarget:

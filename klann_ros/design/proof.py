@@ -14,7 +14,6 @@ from klann_ros.robot import Robot, robot_from_file, robot_from_text, RobotLeg
 from klann_ros.sanitize.text import printable
 import numpy as np
 
-from .areas import area_clearance
 from .figures import crank_angles, sheet_figures
 from .leg_file import leg_text, parameter_text, walker_parameters, with_numbers
 from .refine import path_error, point_error
@@ -26,10 +25,8 @@ DEFAULT_TOLERANCE = 1e-3
 STUDY_LEGS = 1000
 STUDY_ANGLES = 180
 SHEET_SAMPLES = 360
-# Crank angles of the comparison of a leg with its candidate.
-PROOF_ANGLES = 1024
-# Poses nearest to forbidden areas, around which the clearance is computed at finer steps.
-NEAREST_POSES = 16
+# Crank angles at which a leg is compared with its candidate, and with poses and forbidden areas.
+PROOF_ANGLES = 2**14
 # Poses with links nearer to a line are ill-conditioned: rounding decides their branch [rad].
 MIN_TRANSMISSION_ANGLE = 1e-3
 # Rounding of a file: distance of its foot from the candidate's, relative to the leg's size.
@@ -181,20 +178,9 @@ def _foot(linkage: Linkage) -> FloatArray:
 
 def _task_figures(requirements: Requirements, space: Space, linkage: Linkage) -> dict[str, float]:
     """Return the figures of poses, forbidden areas and rounded dimensions."""
-    figures: dict[str, float] = {}
-    structure = linkage.structure
-    alphas = crank_angles(PROOF_ANGLES)
-    points: Any = linkage_poses(linkage, alphas, points=True).points
-    if requirements.poses is not None:
-        size = np.ptp(points, axis=(0, 1)).max()
-        figures |= requirements.poses.figures(requirements.poses.nearest(linkage)[1], size)
-    if requirements.areas:
-        clearances = area_clearance(requirements.areas, structure, points)
-        nearest = alphas[np.argsort(clearances)[:NEAREST_POSES]]
-        around = nearest[:, None] + alphas[1] * np.linspace(-1.0, 1.0, PROOF_ANGLES // 8)
-        points = linkage_poses(linkage, around, points=True).points
-        closest = area_clearance(requirements.areas, structure, points).min()
-        figures['area_clearance'] = float(closest)
+    poses: Any = linkage_poses(linkage, crank_angles(PROOF_ANGLES), points=True)
+    columns = requirements.turn_figures(linkage.structure, poses.points[None])
+    figures = {name: float(column[0]) for name, column in columns.items()}
     if requirements.rounding is not None:
         figures['rounding_error'] = requirements.rounding.error(space, linkage)
     return figures

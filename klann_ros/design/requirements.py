@@ -1,6 +1,6 @@
 """Requirements: the linkages, what may vary, and the figures that are aimed at or limited."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 import json
@@ -51,11 +51,6 @@ class Limit(NamedTuple):
     figure: str
     sense: str
     value: float
-
-    @property
-    def unit(self) -> str:
-        """Return the SI unit of its figure."""
-        return FIGURES[self.figure].unit
 
     def shortfall(self, figures: Any) -> Any:
         """Return by how much figures miss the bound; 0 or less if they hold it."""
@@ -183,17 +178,16 @@ def requirements_from(
     poses = poses_from(content['poses'], units) if 'poses' in content else None
     areas = areas_from(content.get('forbidden', ()), metre)
     rounding = Rounding.of(content['round'], units) if 'round' in content else None
-    limits += _own_limits(limits, poses, areas, rounding)
-    defaults = {'path_error': target is not None}
-    defaults['pose_error'] = poses is not None and not poses.is_exact.all()
-    for figure, is_aim in defaults.items():
+    default_aims = {'path_error': target is not None}
+    default_aims['pose_error'] = poses is not None and not poses.is_exact.all()
+    for figure, is_aim in default_aims.items():
         if is_aim and figure not in {aim.figure for aim in aims}:
             aims = (Aim(figure, 'minimize'), *aims)
     requirements = Requirements(
         spaces=spaces,
         # Without an aim the best leg is the one farthest from jamming.
         aims=aims or (Aim('transmission_angle', 'maximize'),),
-        limits=limits,
+        limits=(*limits, *_task_limits(content, poses)),
         units=units,
         target=target,
         poses=poses,
@@ -214,21 +208,13 @@ def requirements_from(
     return requirements
 
 
-def _own_limits(
-    limits: Iterable[Limit],
-    poses: PoseTarget | None,
-    areas: tuple[Area, ...],
-    rounding: Rounding | None,
-) -> tuple[Limit, ...]:
-    """Return the limits of exact poses, areas and rounding that are not among the others."""
-    own_limits: list[Limit] = []
+def _task_limits(content: Mapping[str, Any], poses: PoseTarget | None) -> Iterator[Limit]:
     if poses is not None and poses.is_exact.any():
-        own_limits.append(Limit('exact_error', 'at_most', EXACT_ERROR))
-    if areas and 'area_clearance' not in {limit.figure for limit in limits}:
-        own_limits.append(Limit('area_clearance', 'at_least', 0.0))
-    if rounding is not None:
-        own_limits.append(Limit('rounding_error', 'at_most', FILE_ERROR))
-    return tuple(own_limits)
+        yield Limit('exact_error', 'at_most', EXACT_ERROR)
+    if 'forbidden' in content:
+        yield Limit('area_clearance', 'at_least', 0.0)
+    if 'round' in content:
+        yield Limit('rounding_error', 'at_most', FILE_ERROR)
 
 
 def _warn_of_lengths(requirements: Requirements, content: Mapping[str, Any]) -> None:

@@ -18,7 +18,7 @@ FILE_ERROR = 1e-9
 
 
 class Rounding(NamedTuple):
-    """The step of lengths, of the pivots' coordinates and of angles, or stock lengths [m, rad]."""
+    """Steps, scalar, or a stock of lengths, by kind [m, rad]."""
 
     sizes: Mapping[str, FloatArray]
 
@@ -29,9 +29,7 @@ class Rounding(NamedTuple):
             content = {'lengths': content, 'pivots': content}
         sizes = {}
         for key, size in content.items():
-            sizes[key] = np.sort(np.atleast_1d(size)) * units.size(
-                'rad' if key == 'angles' else 'm'
-            )
+            sizes[key] = np.array(size) * units.size('rad' if key == 'angles' else 'm')
         return cls(sizes)
 
     def neighbours(self, kind: str, number: float) -> FloatArray | None:
@@ -39,14 +37,13 @@ class Rounding(NamedTuple):
         key = KEYS[kind]
         if key not in self.sizes:
             return None
-        sizes = self.sizes[key]
         # Of a dimension that is one of the sizes both are that one.
-        above = number - FILE_ERROR
-        below = number + FILE_ERROR
-        if len(sizes) > 1:
-            places = np.array([np.searchsorted(sizes, below) - 1, np.searchsorted(sizes, above)])
+        bounds = number + FILE_ERROR * np.array([1.0, -1.0])
+        sizes = np.sort(self.sizes[key], axis=None)
+        if self.sizes[key].ndim:
+            places = np.searchsorted(sizes, bounds) - [1, 0]
             return np.asarray(sizes[np.clip(places, 0, len(sizes) - 1)])
-        steps = np.array([np.floor(below / sizes[0]), np.ceil(above / sizes[0])])
+        steps = np.array([np.floor(bounds[0] / sizes[0]), np.ceil(bounds[1] / sizes[0])])
         # Not -0.0.
         steps = np.maximum(steps, 1.0 if key == 'lengths' else -np.inf) + 0.0
         return np.asarray(sizes[0] * steps)

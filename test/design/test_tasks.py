@@ -74,7 +74,7 @@ XY = ('x', 'y')
 @pytest.mark.parametrize('names', [XY, (*XY, 'angle'), (*XY, 'crank'), (*XY, 'angle', 'crank')])
 def test_a_leg_meets_its_own_poses_and_no_others(names: tuple[str, ...]) -> None:
     at = poses_of(HIDDEN, *names)
-    assert reached(HIDDEN, {'poses': {'at': at}})['pose_error'] < 1e-9
+    assert reached(HIDDEN, {'poses': {'at': at}})['pose_error'] < 1e-7
     # In any units, and with any zero of the crank.
     scaled = []
     for pose in at:
@@ -84,7 +84,7 @@ def test_a_leg_meets_its_own_poses_and_no_others(names: tuple[str, ...]) -> None
         if 'crank' in pose:
             scaled[-1]['crank'] = np.degrees(pose['crank']) + 77.0
     units = {'length': 'mm', 'angle': 'deg'}
-    assert reached(HIDDEN, {'units': units, 'poses': {'at': scaled}})['pose_error'] < 1e-9
+    assert reached(HIDDEN, {'units': units, 'poses': {'at': scaled}})['pose_error'] < 1e-7
     at[2]['x'] += 1e-3
     assert 1e-4 < reached(HIDDEN, {'poses': {'at': at}})['pose_error'] < 1e-3
 
@@ -103,7 +103,7 @@ def test_the_distance_from_a_pose_is_of_the_point_and_of_the_angle() -> None:
         turned = np.angle(b - a) - wanted['angle']
         distance = np.abs(b - complex(wanted['x'], wanted['y']))
         square = square + distance**2 + (2.0 * 0.21 * np.sin(turned / 2.0)) ** 2
-    assert error == pytest.approx(np.sqrt(square.min() / 2.0), rel=1e-6)
+    assert error == pytest.approx(np.sqrt(square.min() / 2.0), rel=1e-5)
 
 
 def test_a_bar_that_is_not_the_foots_has_poses() -> None:
@@ -112,7 +112,7 @@ def test_a_bar_that_is_not_the_foots_has_poses() -> None:
     pin = points[:, names.index('A')]
     at = [{'x': x, 'y': y, 'crank': c} for (x, y), c in zip(pin.tolist(), ALPHAS, strict=True)]
     poses = {'from': 'O2', 'point': 'A', 'at': at}
-    assert reached(HIDDEN, {'poses': poses})['pose_error'] < 1e-9
+    assert reached(HIDDEN, {'poses': poses})['pose_error'] < 1e-7
     assert reached(FOUR_BAR, {'poses': poses})['pose_error'] == pytest.approx(0.005)
 
 
@@ -149,7 +149,7 @@ def test_exact_points_are_met_beside_another_aim() -> None:
 
 def test_a_leg_that_misses_an_exact_point_is_refused() -> None:
     content = exact(0.5, 2.0)
-    assert reached(HIDDEN, content)['exact_error'] < 1e-9
+    assert reached(HIDDEN, content)['exact_error'] < 1e-7
     content['poses']['at'][1]['y'] += 1e-6
     error = refusal(HIDDEN, content)
     assert str(error) == 'exact_error does not hold'
