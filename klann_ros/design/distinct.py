@@ -32,7 +32,7 @@ def leg_shape(linkage: Linkage, *, can_turn: bool) -> ComplexArray:
     points = _points(linkage, alphas)
     centre = points.mean()
     direction = 1.0 + 0j
-    # The mirror image about the vertical: alpha becomes pi - alpha.
+    # A mirror in the vertical makes alpha pi - alpha.
     mirrored_steps = SHAPE_ANGLES // 2 - steps
     if can_turn:
         axle = linkage.structure.points.index(linkage.structure.bodies[0].bars[0].start)
@@ -43,7 +43,7 @@ def leg_shape(linkage: Linkage, *, can_turn: bool) -> ComplexArray:
     with np.errstate(invalid='ignore'):
         shape = (points - centre) / direction
         shape /= np.sqrt((np.abs(shape) ** 2).mean())
-    mirror_image = np.conj(shape[:, mirrored_steps % SHAPE_ANGLES])
+    mirror_image = np.conj(shape[:, mirrored_steps])
     return np.stack([shape, mirror_image if can_turn else -mirror_image])
 
 

@@ -49,31 +49,20 @@ class ResultFolder:
             state = State.of(parse_json(read_regular(self._folder / STATE, MAX_FILE_SIZE)))
         except (OSError, ValueError) as error:
             raise _unreadable(self._folder, error) from error
-        self._check()
+        self._check(self._listed_hashes())
         return state
 
     def save_state(self, state: State) -> None:
         """Write the state of the search."""
         self._save(STATE, json.dumps(state.content()))
 
-    def _check(self) -> None:
-        """Raise an OutputError if somebody else changed a file that a result replaces."""
-        unchanged = {STATE, *self._listed_hashes()}
-        for name in (STATE, RESULT, PAGE):
-            file = self._folder / name
-            if os.path.lexists(file) and (name not in unchanged or file.is_symlink()):
-                raise OutputError(
-                    f'{printable(file)} is not as the last search left it: move it away, or '
-                    'choose another folder with -o'
-                )
-
     def save_result(self, search_result: SearchResult) -> tuple[list[str], list[str]]:
         """Write the files of a result; return the names of its legs, and the files left alone."""
-        self._check()
         old_hashes = self._listed_hashes()
-        requirements = search_result.requirements
+        self._check(old_hashes)
+        old_hashes.pop(RESULT, None)
         names: list[str] = []
-        contents: dict[str, str] = {}
+        texts: dict[str, str] = {}
         # A name is free if no file has it, or an old one of the search.
         taken_names = {file.name for file in self._folder.iterdir()} - old_hashes.keys()
         numbers = count()
@@ -81,33 +70,40 @@ class ResultFolder:
             name = leg_name(next(numbers))
             while not taken_names.isdisjoint((f'{name}.yaml', f'{name}_walker.yaml')):
                 name = leg_name(next(numbers))
+            names.append(name)
             head = '# Found by design; its figures:\n'
-            for figure in requirements.figures:
-                text = requirements.figure_text(figure, leg.reached.get(figure))
+            for figure in search_result.requirements.figures:
+                text = search_result.requirements.figure_text(figure, leg.reached.get(figure))
                 head += f'#   {figure}: {text}\n'
-            contents[f'{name}.yaml'] = head + leg_text(leg.leg)
+            texts[f'{name}.yaml'] = head + leg_text(leg.leg)
             if leg.walker is not None:
                 walker_text = f'# A walker of {name}.yaml.\n{parameter_text(leg.walker)}'
-                contents[f'{name}_walker.yaml'] = walker_text
-            names.append(name)
-        contents[PAGE] = page(search_result, names)
+                texts[f'{name}_walker.yaml'] = walker_text
+        texts[PAGE] = page(search_result, names)
         result = report_content(search_result, names)
-        result['files'] = {name: _hash(_encoded(text)) for name, text in contents.items()}
+        result['files'] = {name: _hash(text) for name, text in texts.items()}
         # The files are listed before they are written: a kill -9 meanwhile leaves none unlisted.
-        old_hashes.pop(RESULT, None)
         self._save(RESULT, _with_checksum({**result, 'old_files': old_hashes}))
-        for name, text in contents.items():
+        for name, text in texts.items():
             self._save(name, text)
         try:
             for name, leg in zip(names, search_result.legs, strict=True):
                 check_file(self._folder / f'{name}.yaml', leg)
         except ProofError as error:
             raise OutputError(str(error)) from error
-        for name in old_hashes:
-            if name not in contents:
-                (self._folder / name).unlink(missing_ok=True)
+        for name in old_hashes.keys() - texts.keys():
+            (self._folder / name).unlink(missing_ok=True)
         self._save(RESULT, _with_checksum({**result, 'old_files': {}}))
         return names, sorted(name for name in taken_names if name.startswith('leg_'))
+
+    def _check(self, listed_hashes: Mapping[str, str]) -> None:
+        """Raise an OutputError if somebody else changed a file that a result replaces."""
+        for name in (STATE, RESULT, PAGE):
+            file = self._folder / name
+            is_listed = name == STATE or name in listed_hashes
+            if os.path.lexists(file) and (file.is_symlink() or not is_listed):
+                advice = 'move it away, or choose another folder with -o'
+                raise OutputError(f'{printable(file)} is not as the last search left it: {advice}')
 
     def _listed_hashes(self) -> dict[str, str]:
         """Return the hashes of the files that are as the last result lists them, and its own."""
@@ -118,8 +114,8 @@ class ResultFolder:
             if checksum == _checksum(result):
                 hashes[RESULT] = checksum
                 for name, listed_hash in (*result['files'].items(), *result['old_files'].items()):
-                    is_leg = LISTED_NAME.fullmatch(name) is not None
-                    if is_leg and _hash(_encoded(self._text(name))) == listed_hash:
+                    is_old_file = LISTED_NAME.fullmatch(name) is not None
+                    if is_old_file and _hash(self._text(name)) == listed_hash:
                         hashes[name] = listed_hash
         return hashes
 
@@ -131,7 +127,8 @@ class ResultFolder:
         return ''
 
     def _save(self, name: str, text: str) -> None:
-        Output('-o', os.fspath(self._folder / name)).write(_encoded(text))
+        # A name may have bytes that are not UTF-8.
+        Output('-o', os.fspath(self._folder / name)).write(text.encode(errors='replace'))
 
 
 @contextmanager
@@ -139,13 +136,7 @@ def opened_folder(folder: Path, *, resume: bool) -> Iterator[tuple[ResultFolder,
     """
     Yield the folder of a search, locked, and the state to resume: None of a new search.
 
-    Raises
-    ------
-    OutputError
-        The folder has another search or other files, or cannot be written.
-    UsageError
-        There is no search to resume.
-
+    An OutputError says that it cannot be used, a UsageError that there is nothing to resume.
     """
     title = printable(folder)
     try:
@@ -178,11 +169,7 @@ def _is_empty(folder: Path) -> bool:
 
 
 def _locked(lock: Path) -> int:
-    """
-    Return the descriptor of a file with a lock of the system, which ends with the process.
-
-    A BlockingIOError says that another process has it. A file system without locks has none.
-    """
+    """Return the descriptor of a locked file; the lock of the system ends with the process."""
     flags = os.O_RDWR | os.O_CREAT | getattr(os, 'O_NOFOLLOW', 0)
     descriptor = os.open(lock, flags, 0o666)
     try:
@@ -202,18 +189,13 @@ def _locked(lock: Path) -> int:
     return descriptor
 
 
-def _encoded(text: str) -> bytes:
-    # A name may have bytes that are not UTF-8.
-    return text.encode(errors='replace')
-
-
-def _hash(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode(errors='replace')).hexdigest()
 
 
 def _checksum(result: Mapping[str, Any]) -> str:
     """Return the hash of a result without its own."""
-    return _hash(json.dumps(result, sort_keys=True).encode())
+    return _hash(json.dumps(result, sort_keys=True))
 
 
 def _with_checksum(result: Mapping[str, Any]) -> str:
