@@ -4,8 +4,7 @@ from collections.abc import Callable, Iterator
 from math import degrees
 from typing import NamedTuple
 
-from klann_ros.kinematics import differences, loop_errors, vectors, wrapped
-from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics import differences, loop_errors, wrapped
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, IntArray
 from klann_ros.review.model.answers import (
     Cause,
@@ -15,7 +14,7 @@ from klann_ros.review.model.answers import (
     requested_angles,
 )
 from klann_ros.review.model.limits import Limits
-from klann_ros.review.model.poses import PoseErrors
+from klann_ros.review.model.poses import path_angles, PoseErrors
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.times import isin, pairs
@@ -27,6 +26,8 @@ import numpy as np
 _MAX_TRIED_POSES = 100
 _UNIT_RATIO = 0.05
 _MAX_ROUNDING = 0.01
+# Rotation of the crank until two motions of a change point differ by more than the limits [rad].
+_CHANGE_POINT_DELAY = 0.1
 
 
 class WrongPoses(NamedTuple):
@@ -122,43 +123,25 @@ def _poses(leg: ReviewedLeg, errors: PoseErrors, wrong: WrongPoses) -> Iterator[
         wrong.flipped,
         ('is', 'are'),
         f'in another assembly mode than the leg{flipped}',
-        _flipped_meaning(leg.evaluated, errors, wrong.flipped),
+        _flipped_meaning(leg.evaluated, int(np.argmax(wrong.flipped))),
     )
 
 
-def _flipped_meaning(leg: LegRecording, errors: PoseErrors, flags: BoolArray) -> str:
-    """Return why poses are in another assembly mode: by a change point, or otherwise."""
-    meaning = 'the loops close, but in another assembly mode: the branch flipped'
-    if leg.solver.leg is None or not flags.any():
-        return meaning
-    linkage = leg.solver.leg.linkage
-    points = linkage.change_points.points
-    first = int(np.argmax(flags))
-    beta = errors.path_angles[first]
-    u = vectors(linkage, leg.poses.values[[first]])
-    signs = linkage.change_points.signs(beta) if points else linkage.assembly
-    flipped = set()
-    for block, sign in zip(linkage.blocks, signs, strict=True):
-        if block.two_branches and float(block.sine(u)[0]) * sign < 0.0:
-            flipped.add(block.number)
-    if not flipped or not flipped <= {point.block for point in points}:
-        return meaning
-    right = np.flatnonzero(~flags & np.isfinite(errors.angle_errors))
-    if not right.size or right[0] > first:
-        return (
-            'from the first pose on it is in the other of the motions that meet at its change '
-            'points: at_change_points: crossed in its file, if it was put together so'
-        )
-    rotation = beta - errors.path_angles[right[right < first][-1]]
-    passed = [point for point in points if point.block in flipped]
-    # Beside a change point both motions are alike: the fault is found a little behind it.
-    angles = [wrapped(beta - point.beta) * (-1.0 if rotation < 0.0 else 1.0) for point in passed]
-    point = passed[int(np.argmin(np.mod(angles, TURN)))]
-    bodies = [linkage.structure.angles[j] for j in linkage.blocks[point.block - 1].unknowns]
-    return (
-        f'at the change point at {degrees(point.beta) % 360.0:.4g} deg ({", ".join(bodies)}) it '
-        'took the other of the two motions that meet there'
-    )
+def _flipped_meaning(leg: LegRecording, first: int) -> str:
+    """Return why poses from the first on are in another assembly mode, as by a change point."""
+    if leg.solver.leg is not None and first > 0:
+        linkage = leg.solver.leg.linkage
+        begin, end = path_angles(leg, leg.solver.leg)[[first - 1, first]]
+        for point in linkage.change_points.points:
+            behind = float(wrapped(end - point.beta)) * np.sign(end - begin)
+            if 0.0 <= behind <= abs(end - begin) + _CHANGE_POINT_DELAY:
+                unknowns = linkage.blocks[point.block - 1].unknowns
+                return (
+                    f'at the change point at {degrees(point.beta) % 360.0:.4g} deg '
+                    f'({", ".join(linkage.structure.angles[j] for j in unknowns)}) it took the '
+                    'other of the two motions that meet there'
+                )
+    return 'the loops close, but in another assembly mode: the branch flipped'
 
 
 def _not_closed_meaning(leg: LegRecording, flags: BoolArray) -> str:

@@ -20,21 +20,18 @@ from klann_ros.kinematics import (
     Stance,
     transmission_angles,
     vectors,
-    wrapped,
 )
+from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
 import numpy as np
 
 from .recording import LegRecording
 from .times import median, pairs
 
-# Poses solved at once.
+# Poses solved at once; and those after a gap, of more than [ns], that tell the turn of a path.
 _BLOCK_SIZE = 65536
-# The poses that tell the turn of a part of a run; a larger rotation [rad], or ratio of an interval
-# to the median, begins another part.
 _FIRST_POSES = 50
-_MAX_ROTATION = 1.0
-_MAX_INTERVAL_RATIO = 20.0
+_PATH_GAP = 1_000_000_000
 _TURN = 2 * np.pi
 _LARGEST = np.finfo(np.float64).max
 
@@ -74,46 +71,34 @@ class PoseErrors:
     foot_errors: FloatArray
     # Shape (n, number of dyads): those of the solved poses, in [0, pi] [rad]; NaN for none.
     transmission_angles: FloatArray
-    # Shape (n,): see `path_angles` [rad].
-    path_angles: FloatArray
     # The solved poses, if they are kept.
     solved: tuple[SolvedBlock, ...] = ()
 
 
-# A log may hold any number.
-@np.errstate(invalid='ignore', over='ignore')
 def path_angles(recording: LegRecording, leg: AnyLeg) -> FloatArray:
     """
-    Return the crank angles of the poses with all turns of the linkage's motion, shape (n,) [rad].
+    Return the crank angles of the poses in the turns of the linkage's path, shape (n,) [rad].
 
-    Past change points a linkage may be back only after several turns, and recorded angles may be
-    wrapped. The turn is the one that the first poses fit, and again those after a jump or a gap.
+    Past change points it may be back only after several turns: its first poses tell which one.
     """
-    poses = recording.poses.values
-    alphas: FloatArray = poses[:, 0]
+    alphas = recording.poses.values[:, 0]
     period = leg.linkage.change_points.period
-    if period == 1 or not len(poses):
+    is_angle = np.abs(alphas) <= MAX_CRANK_ANGLE
+    if period == 1 or not is_angle.any():
         return alphas
-    steps = wrapped(np.diff(alphas, prepend=alphas[0]))
-    intervals = np.diff(recording.poses.times, prepend=recording.poses.times[0])
-    is_start = ~(np.abs(steps) <= _MAX_ROTATION)
-    is_start |= intervals > _MAX_INTERVAL_RATIO * np.median(intervals)
-    is_start[0] = True
-    starts = np.flatnonzero(is_start)
-    parts = np.cumsum(is_start) - 1
-    rotations = np.cumsum(np.where(is_start, 0.0, steps))
-    unwrapped = alphas[starts][parts] + rotations - rotations[starts][parts]
-    turns = np.round(np.nan_to_num(unwrapped - alphas) / _TURN)
-    first_poses = np.flatnonzero(np.arange(len(poses)) - starts[parts] < _FIRST_POSES)
-    errors = np.zeros((period, len(poses)))
-    for turn in range(period):
-        betas = alphas[first_poses] + _TURN * (turns[first_poses] + turn)
-        solved: Any = linkage_poses(leg, betas, angles=True)
-        distances = np.abs(differences(leg, poses[first_poses, 1:], solved.angles)).max(axis=1)
-        errors[turn, first_poses] = np.minimum(np.nan_to_num(distances, nan=1.0), 1.0)
-    first_turns = np.add.reduceat(errors, starts, axis=1).argmin(axis=0)
-    path: FloatArray = alphas + _TURN * (turns + first_turns[parts])
-    return path
+    # What is no angle counts as the one before it.
+    known = np.where(is_angle, np.arange(len(alphas)), np.argmax(is_angle))
+    betas = np.unwrap(alphas[np.maximum.accumulate(known)])
+    gaps = np.flatnonzero(np.diff(recording.poses.times) > _PATH_GAP)
+    for rows in np.split(np.arange(len(betas)), gaps + 1):
+        first = rows[:_FIRST_POSES]
+        misfits = []
+        for turn in range(period):
+            solved: Any = linkage_poses(leg, betas[first] + turn * _TURN, angles=True)
+            errors = differences(leg, recording.poses.values[first, 1:], solved.angles)
+            misfits.append(np.median(np.abs(np.nan_to_num(errors))))
+        betas[rows] += _TURN * np.argmin(misfits)
+    return np.where(is_angle, betas, alphas)
 
 
 def solve_blocks(recording: LegRecording, leg: AnyLeg) -> Iterator[SolvedBlock]:
@@ -152,7 +137,6 @@ def pose_errors(
         np.empty(count),
         np.full(len(recording.feet), nan),
         np.empty((count, len(leg.assembly))),
-        path_angles(recording, leg),
     )
     for block in solve_blocks(recording, leg):
         rows = block.rows

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from change_point_linkages import change_point_file, change_point_linkage, FEET
 from engine_leg import engine_poses
@@ -42,7 +42,7 @@ def errors_of(
     name: str,
     pose_at: Callable[[float], LinkagePose],
     limits: Limits = EXACT,
-    **options: float,
+    **options: Any,
 ) -> list[Finding]:
     parameters = {'linkage_description': change_point_file(name).read_text(encoding='utf-8')}
     leg = RecordedLeg(change_point_linkage(name), pose_at)
@@ -130,11 +130,21 @@ def test_the_other_way_at_a_change_point_is_found_and_named(
     assert found[0].meaning.startswith(meaning)
 
 
-def test_a_robot_that_was_put_together_crossed_is_told_so(tmp_path: Path) -> None:
+def test_a_robot_that_was_put_together_crossed_has_a_wrong_branch(tmp_path: Path) -> None:
     leg = crossed('parallelogram')
-    finding, *more = errors_of(tmp_path, 'parallelogram', leg.closed_form, start=0.3)
-    assert (finding.check, more) == ('branch', [])
-    assert 'at_change_points: crossed in its file' in finding.meaning
+    found = errors_of(tmp_path, 'parallelogram', leg.closed_form, start=0.3)
+    assert [finding.check for finding in found] == ['branch']
+
+
+def test_after_a_gap_the_turn_is_found_again(tmp_path: Path) -> None:
+    leg = LinkageLeg(change_point_linkage('two_turns'))
+    alphas = iter(np.concatenate([np.linspace(0.3, 3.0, 200), np.linspace(9.0, 15.0, 200)]))
+
+    def pose_at(_: float) -> LinkagePose:
+        alpha = next(alphas)
+        return leg.closed_form(alpha)._replace(alpha=alpha % TURN)
+
+    assert errors_of(tmp_path, 'two_turns', pose_at, pause=(200, 3.0)) == []
 
 
 def test_another_assembly_of_another_dyad_is_no_change_point(tmp_path: Path) -> None:
@@ -148,3 +158,10 @@ def test_another_assembly_of_another_dyad_is_no_change_point(tmp_path: Path) -> 
     finding, *more = errors_of(tmp_path, 'level_foot', pose_at)
     assert (finding.check, more) == ('branch', [])
     assert finding.meaning.startswith('the loops close, but in another assembly mode')
+
+
+def test_what_is_no_angle_does_not_change_the_turn(tmp_path: Path) -> None:
+    leg = LinkageLeg(change_point_linkage('two_turns'))
+    garbled = {0: np.nan, 100: np.inf, 101: np.nan, 200: 1e300, 300: -1e60, 399: 1e9}
+    found = errors_of(tmp_path, 'two_turns', leg.solve, garbled=garbled)
+    assert {finding.check for finding in found} == {'nan', 'closure'}

@@ -13,9 +13,7 @@ import pytest
 def test_a_nearly_singular_dyad_may_be_off_by_more() -> None:
     """Its angle follows the rounding of the loop, by the sine of its transmission angle."""
     angle_errors = np.full(2, 5e-9)
-    errors = PoseErrors(
-        angle_errors, np.zeros(2), np.zeros(2), np.array([[pi / 2.0], [0.1]]), np.zeros(2)
-    )
+    errors = PoseErrors(angle_errors, np.zeros(2), np.zeros(2), np.array([[pi / 2.0], [0.1]]))
     assert WrongPoses.of(errors, Limits()).flipped.tolist() == [True, False]
 
 
