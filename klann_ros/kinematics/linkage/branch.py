@@ -70,14 +70,17 @@ class Branch:
     The poses of a linkage along its branch, over a whole turn, several, or an arc.
 
     Made of a linkage that ends with the coupled loops of block number `block`, and a start: every
-    coordinate, the crank's angle first [rad, m]. It goes on through change points, where the
-    determinant of a block passes 0 linearly and the poses go on smoothly; at the end of an arc
+    coordinate, the crank's angle first [rad, m]. If it `crosses` change points it goes on where
+    the determinant of a block passes 0 linearly and the poses go on smoothly; at the end of an arc
     they go like a square root. A GeometryError says that it is nearly singular at its start, or
     not back there after a turn.
     """
 
-    def __init__(self, linkage: LoopEquations, start: Sequence[float], block: int) -> None:
+    def __init__(
+        self, linkage: LoopEquations, start: Sequence[float], block: int, *, crosses: bool
+    ) -> None:
         self.block = block
+        self._crosses = crosses
         # The turns after which all loops are back.
         self.period = 1
         self._linkage = linkage
@@ -219,7 +222,8 @@ class Branch:
                 length = min(BRANCH_STEP, 2.0 * length)
                 continue
             length /= 2.0
-            if length <= MIN_BRANCH_STEP and self._cross(samples, direction):
+            is_end = length <= MIN_BRANCH_STEP
+            if is_end and self._crosses and self._cross(samples, direction):
                 length = BRANCH_STEP
         return samples
 

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import BoolArray, FloatArray
+from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.searches import parabola_peak
 import numpy as np
 
@@ -264,6 +265,11 @@ class ChangePoints:
             self.period = linkage.branch.period
             self._cut = linkage.branch.gap
             self.points += linkage.branch.change_points
+            if self.points and linkage.at_change_points == CROSSED:
+                msg = (
+                    'at_change_points: crossed is refused for coupled loops: start on that motion'
+                )
+                raise GeometryError(msg)
             self.clearances += [np.nan] * self._branch_blocks
             self._signs += linkage.branch.sign_changes
         for block in linkage.blocks[slice(self._branch_blocks, None)]:

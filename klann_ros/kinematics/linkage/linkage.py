@@ -16,7 +16,7 @@ import numpy as np
 
 from . import joints
 from .branch import Branch
-from .change_points import ChangePoints, COURSES, InterpolatedPose, PARALLEL
+from .change_points import ChangePoints, COURSES, InterpolatedPose, PARALLEL, SIGN
 from .dimension_derivatives import vector_derivatives
 from .equations import LoopEquations, path_terms, real_rows, term_matrix
 from .structure import dimension_places, FIXED, Structure
@@ -400,7 +400,7 @@ class Linkage(LoopEquations):
             if not block.is_dyad:
                 count = block.number
         head = self._prefix(count)
-        return Branch(head, head.start, count)
+        return Branch(head, head.start, count, crosses=self.at_change_points != SIGN)
 
     def _prefix(self, count: int) -> 'Linkage':
         """Return the subchain of the first blocks as a linkage."""

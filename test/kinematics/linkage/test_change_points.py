@@ -11,6 +11,7 @@ from typing import Any
 
 from klann_ros.kinematics import (
     FourBar,
+    GeometryError,
     Linkage,
     linkage_from_text,
     linkage_poses,
@@ -18,6 +19,7 @@ from klann_ros.kinematics import (
     reachable_arcs,
     shipped_linkage,
     turns_fully,
+    Variants,
 )
 import numpy as np
 import pytest
@@ -381,3 +383,94 @@ def test_contact_of_even_order_keeps_the_side_and_of_odd_order_changes_it(
     path = np.array([leg.closed_form(beta + 0.01 * k).h for k in range(-6, 7)])
     # The path has no corner and no jump of curvature: its fifth differences are small.
     assert np.abs(np.diff(path, 5, axis=0)).max() <= 1e-6
+
+
+def mirror_of(linkage: Linkage, alpha: float) -> Any:
+    return -np.array(LinkageLeg(linkage).closed_form(-alpha).x)
+
+
+@pytest.mark.parametrize('course', ['parallel', 'crossed', 'sign'])
+@pytest.mark.parametrize(
+    'lengths', [(3.0, 1.0, 3.0, 1.0), (4.0, 1.0, 2.0, 3.0), (1.0, 1.0, 2.0, 2.0)]
+)
+def test_a_mirrored_linkage_has_the_mirrored_motion(
+    lengths: tuple[float, ...], course: str
+) -> None:
+    bar = FourBar(*lengths, at_change_points=course)
+    for mirrored in (bar.linkage.mirrored(), bar.geometry.mirrored().linkage):
+        for alpha in (-7.0, -2.0, 0.5, 2.5, 4.0, 9.0):
+            x = LinkageLeg(mirrored).closed_form(alpha).x
+            assert apart(x, mirror_of(bar.linkage, alpha)).max() <= 1e-11
+
+
+def test_a_jump_of_more_than_a_turn_takes_the_path_of_the_crank_angle() -> None:
+    bar = FourBar(4.0, 1.0, 2.0, 3.0)
+    bar.solve(6.0)
+    assert bar.solve(0.25).turns == 1
+    assert bar.solve(0.25 + 3.2 * TURN).turns == 0
+
+
+def test_a_crank_that_turns_in_part_passes_its_change_point() -> None:
+    """With |A O4| = 4 |sin(theta2 / 2)| up to 2: it reaches 60 deg on both sides."""
+    bar = FourBar(2.0, 2.0, 1.0, 1.0)
+    ((start, end),) = bar.reachable_arcs()
+    assert (start, end) == pytest.approx((5.0 / 6.0 * TURN, 7.0 / 6.0 * TURN), abs=1e-9)
+    inside = np.linspace(start + 0.01, end - 0.01, 200)
+    half = (inside - TURN) / 2.0
+    to_a = 4.0 * np.sin(half)
+    along = np.exp(1j * (half + math.pi / 2.0))
+    b = 2.0 + along * (to_a / 2.0 - 1j * np.sqrt(1.0 - to_a**2 / 4.0))
+    for x in poses_every_way(bar.linkage, inside):
+        assert np.abs(2.0 + np.exp(1j * x[:, 1]) - b).max() <= 1e-11
+    # A crank angle less a turn is the same pose.
+    assert apart(bar.closed_form(-0.5).theta4, bar.closed_form(TURN - 0.5).theta4) <= 1e-12
+
+
+def test_many_linkages_have_each_its_own_path() -> None:
+    """As objects, in any dyad; as arrays where the crank drives the dyad."""
+    chain = linkage_from_text(CHAIN, 'chain')
+    others = [chain.varied({'F-G': 0.05}), chain, chain.scaled(2.0), chain.varied({'D-C': 0.041})]
+    alphas = np.linspace(0.1, 6.2, 50)
+    poses: Any = linkage_poses(others, alphas, angles=True)
+    for linkage, angles, reason in zip(others, poses.angles, poses.reason, strict=True):
+        single: Any = linkage_poses(linkage, alphas, angles=True)
+        assert (single.reason == reason).all()
+        np.testing.assert_allclose(single.angles, angles, atol=1e-12)
+    four_bar = FourBar(0.18, 0.08, 0.2, 0.15).linkage
+    changes = {'ground': [0.18, 0.2], 'coupler': [0.2, 0.2], 'crank': 0.08, 'rocker': [0.15, 0.08]}
+    variants: Any = linkage_poses(Variants(four_bar, changes), alphas, angles=True)
+    assert apart(variants.angles[1, :, 1], alphas).max() <= 1e-11
+
+
+def test_a_linkage_that_misses_by_a_hair_is_noted_and_keeps_its_sign() -> None:
+    bar = FourBar(3.0, 1.0 - 1e-8, 3.0, 1.0)
+    points = bar.linkage.change_points
+    assert not points
+    assert {miss.block for miss in points.near_misses} == {1}
+    assert max(abs(miss.clearance) for miss in points.near_misses) == pytest.approx(1e-8)
+    assert not FourBar(3.0, 1.0 - 1e-4, 3.0, 1.0).linkage.change_points.near_misses
+
+
+def test_the_signs_at_zero_are_those_of_the_same_motion() -> None:
+    start = [4.0, 0.0, 4.0]
+    for course in ('parallel', 'crossed'):
+        linkage = FourBar(3.0, 1.0, 3.0, 1.0).linkage.from_start(start)
+        linkage = linkage.at_every_change_point(course)
+        assert linkage.assembly == (-1,)
+        at_zero = linkage.in_assembly(linkage.assembly_at_zero, 0.0)
+        for alpha in (0.5, 2.0, 4.0, 6.0):
+            x = LinkageLeg(linkage).closed_form(alpha).x
+            assert apart(LinkageLeg(at_zero).closed_form(alpha).x, x).max() <= 1e-12
+
+
+def test_coupled_loops_by_their_sign_end_at_the_change_point() -> None:
+    y, l, p, bend, t = 130 + 20j, 60 + 70j, 40 - 50j, (90 - 120j) / (40 - 50j), 60 + 30j  # noqa: E741
+    text = COUPLED.format(
+        y=abs(y), l=abs(l), p=abs(p), bend=math.degrees(np.angle(bend)), t=abs(t)
+    )
+    linkage = linkage_from_text(f'{text}at_change_points: sign', 'coupled')
+    ((_, end),) = reachable_arcs(linkage)
+    assert math.degrees(end) % 360.0 == pytest.approx(49.4, abs=0.1)
+    crossed = linkage_from_text(f'{text}at_change_points: crossed', 'coupled')
+    with pytest.raises(GeometryError, match='crossed is refused for coupled loops'):
+        LinkageLeg(crossed)
