@@ -163,7 +163,8 @@ class Dynamics:
     def kinetic_energy(self, alphas: ArrayLike, alpha_rate: ArrayLike) -> FloatArray:
         """Return the energy of motion at crank angles and rates, shape (k,) [J]."""
         inertia, _ = self.reduced_inertia(alphas)
-        energy: FloatArray = inertia * _rates('alpha_rate', alpha_rate, inertia.size) ** 2 / 2.0
+        (rate,) = _rates(inertia.size, alpha_rate=alpha_rate)
+        energy: FloatArray = inertia * rate**2 / 2.0
         return energy
 
     def crank_torque(
@@ -194,7 +195,8 @@ class Dynamics:
 
         """
         moving = body_motion(self.linkage, alphas)
-        rate, acceleration = _motions(moving, alpha_rate, alpha_acceleration)
+        motion = {'alpha_rate': alpha_rate, 'alpha_acceleration': alpha_acceleration}
+        rate, acceleration = _rates(moving.alphas.size, **motion)
         inertia, steady = self._inertia_and_torque(moving, rate)
         torque = inertia * acceleration + steady
         for point, force in self._loads(loads).items():
@@ -228,7 +230,9 @@ class Dynamics:
             deflection = torsion_spring.deflection(self.linkage.structure, moving.u)
             moment = torsion_spring.stiffness * deflection
             moments += [(first, moment), (second, -moment)]
-        rates = _motions(moving, alpha_rate, alpha_acceleration)
+        motion = {'alpha_rate': alpha_rate, 'alpha_acceleration': alpha_acceleration}
+        rate, acceleration = _rates(moving.alphas.size, **motion)
+        rates = rate, acceleration
         return reactions(moving, self.masses.bodies, rates, self.gravity, forces, moments)
 
     def turn(
@@ -307,21 +311,14 @@ class Dynamics:
         return vectors
 
 
-def _rates(name: str, numbers: ArrayLike, count: int) -> FloatArray:
-    """Return rates of the crank as an array: one, or one for each angle; a ValueError if not."""
-    array = np.asarray(real_array(name, numbers), dtype=np.float64)
-    if array.shape not in {(), (1,), (count,)}:
-        raise ValueError(f'{name} is refused: its shape must be () or ({count},)')
-    return array
-
-
-def _motions(
-    moving: BodyMotion, alpha_rate: ArrayLike, alpha_acceleration: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
-    """Return the rates and the accelerations of the crank at the angles of a motion."""
-    count = moving.alphas.size
-    rates = _rates('alpha_rate', alpha_rate, count)
-    return rates, _rates('alpha_acceleration', alpha_acceleration, count)
+def _rates(count: int, **rates: ArrayLike) -> list[FloatArray]:
+    """Return rates of the crank as arrays, one number or `count` each; a ValueError if not."""
+    arrays = []
+    for name, numbers in rates.items():
+        arrays.append(np.asarray(real_array(name, numbers), dtype=np.float64))
+        if arrays[-1].shape not in {(), (1,), (count,)}:
+            raise ValueError(f'{name} is refused: its shape must be () or ({count},)')
+    return arrays
 
 
 class _Potential(NamedTuple):

@@ -93,11 +93,10 @@ class TorsionSpring:
 
     def deflection(self, structure: Structure, u: Any) -> Any:
         """Return its deflection by the bodies' vectors, of one pose or of many [rad]."""
-        directions = []
-        for j in self.body_indices(structure):
-            frame = FIXED if j == FIXED else structure.frames[j]
-            directions.append(1.0 + 0j if frame == FIXED else u[frame])
-        first, second = directions
+        # The ground's frame is behind those of the bodies, by the index FIXED.
+        frames = (*structure.frames, FIXED)
+        places = [frames[j] for j in self.body_indices(structure)]
+        first, second = (1.0 if frame == FIXED else u[frame] for frame in places)
         return np.angle(second * np.conj(first) * np.exp(-1j * self.rest_angle))
 
 
