@@ -255,13 +255,16 @@ def search(
     compromise_count = min(MAX_COMPROMISES, evaluations // 10) if has_compromises else 0
     try:
         while share := _share(state, evaluations, evaluations - compromise_count):
+            last_evaluations = state.evaluations
             state, islands = _next_round(
                 requirements, state, islands, seed=seed, share=share, run=run
             )
             if on_round is not None:
                 seconds = monotonic() - start_time
                 on_round(state, _progress(requirements.cheap_aims, state, islands, seconds))
-            if time_limit is not None and monotonic() - start_time > time_limit:
+            is_late = time_limit is not None and monotonic() - start_time > time_limit
+            # A population of equal candidates has no new ones.
+            if is_late or state.evaluations == last_evaluations:
                 break
     except KeyboardInterrupt:
         if not any(x is not None for x in state.populations):
