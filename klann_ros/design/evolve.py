@@ -19,8 +19,8 @@ SAMPLES_PER_CANDIDATE = 25
 MAX_JUDGED = 1024
 # Of the loss of a candidate without figures.
 WORST_LOSS = 1e9
-# The search holds limits with this relative distance: its figures are exact to 1e-4.
-LIMIT_MARGIN = 5e-4
+# The violation of a limit that is missed by far, or by a candidate that does not turn.
+WORST_VIOLATION = 1.0
 SEARCH_VALUES = {'exact_error': EXACT_IN_SEARCH}
 
 
@@ -88,16 +88,15 @@ def variant_scores(requirements: Requirements, variants: Variants) -> Scores:
     # Without a cheap aim any candidate that holds the limits is as good.
     losses = losses or [np.where(judgement.turns, 0.0, WORST_LOSS)]
     violations = [judgement.jam]
-    for limit in requirements.cheap_limits:
+    for limit in requirements.evolved_limits:
         # The refinement of exact poses begins near them.
         bound = limit._replace(value=SEARCH_VALUES.get(limit.figure, limit.value))
-        scale = abs(bound.value) or 1.0
-        shortfall = bound.shortfall(figures[limit.figure]) / scale + LIMIT_MARGIN
-        violations.append(np.where(judgement.turns, shortfall, 10.0))
+        miss = bound.relative_shortfall(figures[limit.figure])
+        # Below the worst, so that whatever turns is better than all that does not.
+        miss = np.where(miss > 0.0, miss / (1.0 + miss), miss)
+        violations.append(np.where(judgement.turns, miss, WORST_VIOLATION))
     loss_table = np.nan_to_num(np.array(losses), nan=WORST_LOSS, posinf=WORST_LOSS).T
-    return Scores(
-        loss_table, np.nan_to_num(np.array(violations), nan=10.0, posinf=10.0).T, figures
-    )
+    return Scores(loss_table, np.nan_to_num(np.array(violations), nan=WORST_VIOLATION).T, figures)
 
 
 class Population(NamedTuple):

@@ -1,24 +1,31 @@
-"""Refinement of a leg on its path, by the derivatives of the foot by every dimension."""
+"""Refinement of a leg: its path by derivatives by every dimension, its limits by differences."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import GeometryError, Linkage, linkage_poses
+from klann_ros.kinematics import GeometryError, Linkage, linkage_poses, moved_numbers, Variants
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import AnyArray, ComplexArray, FloatArray
 import numpy as np
 
+from .evolve import Scores, variant_scores
 from .figures import CANDIDATE_ANGLES, crank_angles
+from .requirements import Requirements
 from .space import Space
 from .target import Target
 
 MAX_STEPS = 100
+# Steps towards limits alone.
+MAX_LIMIT_STEPS = 40
 # Crank angles by which the length of a path is measured, and a point nearest to another is sought.
 PATH_ANGLES, NEAREST_ANGLES = 360, 1024
 # Newton steps of crank angles on a path.
 CORRECTIONS = 3
 # A step that improves by a smaller part is the last one.
 MIN_GAIN = 1e-6
+# Limits: the step of their differences, and the weight of a relative shortfall [path's size].
+LIMIT_STEP, LIMIT_WEIGHT = 1e-4, 10.0
 # Steps of the point where a path starts, and the last one [periods].
 MAX_OFFSET_STEPS, MIN_OFFSET_STEP = 20, 1e-13
 # Residuals of a leg that does not turn; a start on an end of a range is just within it.
@@ -40,10 +47,6 @@ class _Residuals(NamedTuple):
     values: FloatArray
     jacobian: FloatArray
 
-    @property
-    def cost(self) -> float:
-        return float(self.values @ self.values)
-
 
 class _FootSamples(NamedTuple):
     """
@@ -57,12 +60,12 @@ class _FootSamples(NamedTuple):
     by_numbers: ComplexArray
 
 
-def refined(target: Target, space: Space, x: FloatArray) -> tuple[Linkage, float]:
+def refined(requirements: Requirements, space: Space, x: FloatArray) -> Linkage:
     """
-    Return a candidate nearer to a path, placed on it, and its error; x of shape (d,).
+    Return a candidate nearer to its path, on which it is placed, and its limits; x of shape (d,).
 
     Levenberg-Marquardt on the distances of corresponding points, with the derivatives of the foot
-    by each dimension.
+    by each dimension, and on what limits lack.
 
     Raises
     ------
@@ -70,15 +73,30 @@ def refined(target: Target, space: Space, x: FloatArray) -> tuple[Linkage, float
         It is no linkage.
 
     """
-    drawn = _linkage(space, x)
-    fit = target.fit(linkage_poses(drawn, crank_angles(PATH_ANGLES)).h[None])
-    start = _Point(x, complex(fit.factor[0]), complex(fit.shift[0]), float(fit.offset[0]))
-    minimum = _least_squares(target, space, start, float(fit.sense[0]))
+    target = requirements.target
+    start = _Point(x, 1.0 + 0.0j, 0j, 0.0)
+    sense = 1.0
+    if target is not None:
+        fit = target.fit(linkage_poses(_linkage(space, x), crank_angles(PATH_ANGLES)).h[None])
+        start = _Point(x, complex(fit.factor[0]), complex(fit.shift[0]), float(fit.offset[0]))
+        sense = float(fit.sense[0])
+    fitted = _Fit(requirements, space, sense)
     candidates = []
-    for point in (start, minimum):
-        leg = _linkage(space, point.x).moved(point.factor, point.shift)
-        candidates.append((leg, path_error(target, leg)))
-    return min(candidates, key=lambda candidate: candidate[1])
+    for point in (start, _least_squares(fitted, start)):
+        leg = fitted.leg(point)
+        error = 0.0 if target is None else path_error(target, leg)
+        candidates.append((float(fitted.scores([point]).total[0]), error, leg))
+    return min(candidates, key=lambda candidate: candidate[:2])[-1]
+
+
+def leg_figures(requirements: Requirements, linkage: Linkage) -> dict[str, float]:
+    """Return the figures of a linkage in its place, as the search has them (SI)."""
+    placed = requirements.without_motion()
+    columns = variant_scores(placed, Variants.of([linkage])).figures
+    figures = {name: float(column[0]) for name, column in columns.items()}
+    if requirements.target is not None:
+        figures['path_error'] = path_error(requirements.target, linkage)
+    return figures
 
 
 def path_error(target: Target, linkage: Linkage) -> float:
@@ -129,24 +147,118 @@ def point_error(target: Target, linkage: Linkage) -> float:
     return float(np.sqrt((distances**2).mean()))
 
 
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """The fit of a candidate of a space; `sense` is the direction of travel along the target."""
+
+    requirements: Requirements
+    space: Space
+    sense: float
+
+    def leg(self, point: _Point) -> Linkage:
+        """Return the linkage of a point, in its place."""
+        leg = _linkage(self.space, point.x)
+        return leg if self.requirements.target is None else leg.moved(point.factor, point.shift)
+
+    def scores(self, points: Sequence[_Point]) -> Scores:
+        """Return the scores of legs near the first, in their places."""
+        variants = self.space.variants(np.array([point.x for point in points]))
+        base = self.leg(points[0])
+        factor = np.array([point.factor for point in points])
+        shift = np.array([point.shift for point in points])
+        numbers = moved_numbers(base.structure, [*variants.numbers], factor, shift)
+        changes = dict(zip(base.dimensions, numbers, strict=True))
+        moved = Variants(base, changes, assembly=variants.signs)
+        return variant_scores(self.requirements.without_motion(), moved)
+
+    def residuals(self, point: _Point) -> _Residuals | None:
+        """Return the residuals; None if the candidate does not turn."""
+        try:
+            path = self._path_residuals(point)
+            return path and self._with_limits(point, path)
+        except GeometryError:
+            return None
+
+    def stepped(self, point: _Point, step: FloatArray) -> _Point:
+        """Return a point after a step, in the order of the Jacobian's columns."""
+        target = self.requirements.target
+        count = len(point.x)
+        if target is None:
+            return point._replace(x=point.x + step)
+        motion = iter(step[count:].tolist())
+        offset = point.offset + next(motion)
+        rotation = next(motion) if target.can_turn else 0.0
+        growth = next(motion) if target.can_scale else 0.0
+        shift = complex(next(motion), next(motion)) if target.can_move else 0j
+        factor = point.factor * np.exp(growth + 1j * rotation)
+        return _Point(point.x + step[:count], complex(factor), point.shift + shift, offset)
+
+    def _path_residuals(self, point: _Point) -> _Residuals | None:
+        target = self.requirements.target
+        leg = _linkage(self.space, point.x)
+        if target is None:
+            return _Residuals(np.empty(0), np.empty((0, len(point.x))))
+        samples = _foot_samples(target, leg, point.offset, self.sense, has_gradients=True)
+        if samples is None:
+            return None
+        path = point.factor * samples.feet
+        by_x = samples.by_numbers @ _number_derivatives(self.space, point.x)
+        by_offset = point.factor * samples.by_offset[:, None]
+        columns: list[AnyArray] = [point.factor * by_x, by_offset]
+        if target.can_turn:
+            columns.append(1j * path[:, None])
+        if target.can_scale:
+            columns.append(path[:, None])
+        if target.can_move:
+            columns += [np.ones((len(path), 1)), np.full((len(path), 1), 1j)]
+        gap = path + point.shift - target.samples
+        jacobian = np.hstack(columns)
+        stacked = np.concatenate([gap.real, gap.imag])
+        return _Residuals(stacked, np.vstack([jacobian.real, jacobian.imag]))
+
+    def _with_limits(self, point: _Point, path: _Residuals) -> _Residuals | None:
+        """Return the residuals with a row for each limit, its violation, by differences."""
+        if not self.requirements.evolved_limits:
+            return path
+        size = path.jacobian.shape[1]
+        steps = LIMIT_STEP * np.concatenate([np.eye(size), -np.eye(size)])
+        scores = self.scores([point])
+        if scores.violations[0, 0] > 0.0:
+            return None
+        violations = np.maximum(0.0, scores.violations[0, 1:])
+        jacobian = np.zeros((len(violations), size))
+        if violations.any():
+            table = self.scores([self.stepped(point, step) for step in steps]).violations[:, 1:]
+            difference = (table[:size] - table[size:]).T / (2.0 * LIMIT_STEP)
+            jacobian[violations > 0.0] = difference[violations > 0.0]
+        # A limit weighs more than the path, of which it may cost a part.
+        weight = 1.0
+        if self.requirements.target is not None:
+            weight = LIMIT_WEIGHT * self.requirements.target.size * np.sqrt(len(path.values))
+        return _Residuals(
+            np.concatenate([path.values, weight * violations]),
+            np.vstack([path.jacobian, weight * jacobian]),
+        )
+
+
 def _linkage(space: Space, x: FloatArray) -> Linkage:
     return space.variants(x[None])[0]
 
 
-def _least_squares(target: Target, space: Space, start: _Point, sense: float) -> _Point:
-    """Return the point of least residuals near a start; `sense` is the direction of travel."""
+def _least_squares(fit: _Fit, start: _Point) -> _Point:
+    """Return the point of least residuals near a start."""
     # It takes half a second to load.
     from scipy.optimize import least_squares  # noqa: PLC0415
 
     last: dict[bytes, _Residuals] = {}
-    first = _residuals(target, space, start, sense)
-    if first is None:
+    first = fit.residuals(start)
+    if first is None or not first.values.any():
         return start
 
     def residuals_at(step: FloatArray) -> _Residuals:
         key = step.tobytes()
         if key not in last:
-            residuals = _residuals(target, space, _stepped(target, start, step), sense)
+            residuals = fit.residuals(fit.stepped(start, step))
             # A leg that does not turn is no way out: worse than any.
             last.clear()
             last[key] = residuals or _Residuals(WORSE * first.values, first.jacobian)
@@ -163,49 +275,14 @@ def _least_squares(target: Target, space: Space, start: _Point, sense: float) ->
         np.zeros(step_size),
         jac=lambda step: residuals_at(step).jacobian,
         bounds=(low, high),
-        max_nfev=MAX_STEPS,
+        max_nfev=MAX_LIMIT_STEPS if fit.requirements.target is None else MAX_STEPS,
         xtol=1e-10,
         ftol=MIN_GAIN,
-        gtol=None,
+        gtol=1e-15,
+        x_scale='jac',
     )
-    return _stepped(target, start, solution.x)
-
-
-def _stepped(target: Target, point: _Point, step: FloatArray) -> _Point:
-    """Return a point after a step, in the order of the Jacobian's columns."""
-    count = len(point.x)
-    motion = iter(step[count:].tolist())
-    offset = point.offset + next(motion)
-    rotation = next(motion) if target.can_turn else 0.0
-    growth = next(motion) if target.can_scale else 0.0
-    shift = complex(next(motion), next(motion)) if target.can_move else 0j
-    x = np.clip(point.x + step[:count], 0.0, 1.0)
-    factor = point.factor * np.exp(growth + 1j * rotation)
-    return _Point(x, complex(factor), point.shift + shift, offset)
-
-
-def _residuals(target: Target, space: Space, point: _Point, sense: float) -> _Residuals | None:
-    """Return the residuals; None if the candidate does not turn."""
-    try:
-        leg = _linkage(space, point.x)
-    except GeometryError:
-        return None
-    samples = _foot_samples(target, leg, point.offset, sense, has_gradients=True)
-    if samples is None:
-        return None
-    path = point.factor * samples.feet
-    by_x = samples.by_numbers @ _number_derivatives(space, point.x)
-    columns: list[AnyArray] = [point.factor * by_x, point.factor * samples.by_offset[:, None]]
-    if target.can_turn:
-        columns.append(1j * path[:, None])
-    if target.can_scale:
-        columns.append(path[:, None])
-    if target.can_move:
-        columns += [np.ones((len(path), 1)), np.full((len(path), 1), 1j)]
-    gap = path + point.shift - target.samples
-    jacobian = np.hstack(columns)
-    stacked = np.concatenate([gap.real, gap.imag])
-    return _Residuals(stacked, np.vstack([jacobian.real, jacobian.imag]))
+    point = fit.stepped(start, solution.x)
+    return point._replace(x=np.clip(point.x, 0.0, 1.0))
 
 
 def _foot_samples(

@@ -28,6 +28,8 @@ from .target import Target, target_from
 AIMS = ('minimize', 'maximize')
 LIMITS = ('at_least', 'at_most')
 DEFAULT_COUNT = 24
+# The search holds limits with this relative distance: its figures are exact to 1e-4.
+LIMIT_MARGIN = 5e-4
 DEGREES_HINT = 'for degrees write units: {angle: deg}'
 
 
@@ -55,6 +57,10 @@ class Limit(NamedTuple):
     def shortfall(self, figures: Any) -> Any:
         """Return by how much figures miss the bound; 0 or less if they hold it."""
         return self.value - figures if self.sense == 'at_least' else figures - self.value
+
+    def relative_shortfall(self, figures: Any) -> Any:
+        """Return the shortfall relative to the bound, with the margin of the search."""
+        return self.shortfall(figures) / (abs(self.value) or 1.0) + LIMIT_MARGIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +132,15 @@ class Requirements:
     def cheap_limits(self) -> tuple[Limit, ...]:
         """Return the limits that are computed in bulk."""
         return tuple(limit for limit in self.limits if not FIGURES[limit.figure].is_costly)
+
+    @property
+    def evolved_limits(self) -> tuple[Limit, ...]:
+        """Return the limits of the evolution; one of the path is refined if it is the only aim."""
+        is_path_alone = len(self.cheap_aims) == 1 and self.target is not None
+        limits = self.cheap_limits
+        return tuple(
+            limit for limit in limits if not (is_path_alone and limit.figure == 'path_error')
+        )
 
 
 def requirements_from_file(path: str | Path) -> Requirements:

@@ -33,8 +33,8 @@ from .evolve import (
 from .figures import FIGURES
 from .poses import refined_on_poses
 from .proof import FittedCandidate, FoundLeg, ProofError, prove
-from .refine import refined
-from .requirements import Aim, Limit, Requirements
+from .refine import leg_figures, refined
+from .requirements import Aim, Limit, LIMIT_MARGIN, Requirements
 from .rounding import rounded
 
 # Islands of a search, whatever the number of processes; and their rounds, after which they
@@ -425,16 +425,19 @@ def _proven_legs(
 ) -> SearchResult:
     """Refine and prove the best candidates of a search."""
     survivors = _survivors(requirements, islands)
-    if not survivors:
-        reasons = failing_figures(requirements, islands)
-        return SearchResult(requirements, (), tuple(reasons), state, seed, {})
-    if compromise_count >= COMPROMISE_STEPS:
+    if survivors and compromise_count >= COMPROMISE_STEPS:
         compromises = _compromises(requirements, survivors, compromise_count)
         state = state._replace(evaluations=state.evaluations + len(compromises.x))
         survivors = _survivors(requirements, [*islands, compromises])
-    chosen = [survivors[k] for k in _chosen(requirements, survivors, state).tolist()]
+    if survivors:
+        chosen = [survivors[k] for k in _chosen(requirements, survivors, state).tolist()]
+    else:
+        # Refinement may bring the nearest ones within their limits.
+        chosen = _nearest(requirements, islands)
     answers = run(partial(_fitted, requirements), chosen)
-    candidates = [answer for answer in answers if isinstance(answer, FittedCandidate)]
+    fitted = [answer for answer in answers if isinstance(answer, FittedCandidate)]
+    limits = requirements.cheap_limits
+    candidates = [candidate for candidate in fitted if _may_hold(limits, candidate.expected)]
     if requirements.target is not None:
         candidates.sort(key=lambda candidate: candidate.expected['path_error'])
     legs: list[FoundLeg] = []
@@ -456,7 +459,11 @@ def _proven_legs(
                 shapes.append(shape)
     legs = _best(requirements.aims, legs, state)
     counts = dict(Counter(refusal.reason for refusal in refusals))
-    reasons = [] if legs else _refusal_reasons(requirements, refusals, counts)
+    reasons = []
+    if refusals and not legs:
+        reasons = _refusal_reasons(requirements, refusals, counts)
+    elif not legs:
+        reasons = failing_figures(requirements, islands, fitted)
     return SearchResult(
         requirements,
         tuple(legs),
@@ -464,7 +471,7 @@ def _proven_legs(
         state,
         seed,
         counts,
-        refined=0 if target is None else len(chosen),
+        refined=0 if survivors and target is None else len(chosen),
         proven=len(shapes) + len(refusals),
     )
 
@@ -489,19 +496,44 @@ def _next_batch(
 
 
 def _survivors(requirements: Requirements, islands: Sequence[IslandScores]) -> list[Survivor]:
+    """Return the candidates that hold the limits of the evolution."""
     survivors = []
     seen = set()
     for island in islands:
-        space = island.island % len(requirements.spaces)
         for i in np.flatnonzero(island.holds).tolist():
             # Candidates that migrated are in two islands.
-            key = space, island.x[i].tobytes()
-            if key in seen:
-                continue
-            seen.add(key)
-            figures = _candidate_figures(island, i)
-            survivors.append(Survivor(space, island.x[i], island.scores.losses[i], figures))
+            survivor = _survivor(requirements, island, i)
+            key = survivor.space, survivor.x.tobytes()
+            if key not in seen:
+                seen.add(key)
+                survivors.append(survivor)
     return survivors
+
+
+def _survivor(requirements: Requirements, island: IslandScores, i: int) -> Survivor:
+    space = island.island % len(requirements.spaces)
+    figures = _candidate_figures(island, i)
+    return Survivor(space, island.x[i], island.scores.losses[i], figures)
+
+
+def _nearest(requirements: Requirements, islands: Sequence[IslandScores]) -> list[Survivor]:
+    """Return the candidate of each island that turns and violates the limits least."""
+    nearest = []
+    for island in islands:
+        best = int(island.scores.order[0])
+        if island.turns[best]:
+            nearest.append(_survivor(requirements, island, best))
+    return nearest
+
+
+def _may_hold(limits: Sequence[Limit], figures: Mapping[str, float]) -> bool:
+    """Return whether figures hold limits within twice the margin of the search."""
+    for limit in limits:
+        # Those of poses are rough in bulk.
+        is_rough = FIGURES[limit.figure].needs == 'poses'
+        if not (is_rough or limit.relative_shortfall(figures[limit.figure]) <= 2.0 * LIMIT_MARGIN):
+            return False
+    return True
 
 
 def _compromises(
@@ -535,7 +567,7 @@ def _refusal_reasons(
             nearest[refusal.limit] = figures[int(misses.argmin())]
     reasons = []
     for limit, figure in nearest.items():
-        reasons.append(_shortfall(requirements, limit, figure))
+        reasons.append(_best_text(requirements, limit, figure))
     for reason, count in counts.items():
         reasons.append(f'{reason}: {counted(count, "leg")}')
     return reasons
@@ -583,20 +615,22 @@ def _chosen(requirements: Requirements, survivors: Sequence[Survivor], state: St
 def _fitted(requirements: Requirements, survivor: Survivor) -> FittedCandidate | CandidateRefusal:
     """Return a candidate, refined on a path or poses, and rounded; or why it is no linkage."""
     space = requirements.spaces[survivor.space]
-    target = requirements.target
     poses = requirements.poses
-    figures = survivor.figures
+    target = requirements.target
+    is_whole = requirements.rounding is None and target is None and poses is None
     try:
-        if target is not None and poses is None:
-            linkage, distance = refined(target, space, survivor.x)
-            figures = {**figures, 'path_error': distance}
+        if is_whole and _may_hold(requirements.cheap_limits, survivor.figures):
+            return FittedCandidate(space, space.variants(survivor.x[None])[0], survivor.figures)
+        if poses is None:
+            linkage = refined(requirements, space, survivor.x)
         else:
-            poses = poses if target is None or poses is None else poses.with_path(target.points)
-            x = survivor.x if poses is None else refined_on_poses(poses, space, survivor.x)
+            poses = poses if target is None else poses.with_path(target.points)
+            x = refined_on_poses(poses, space, survivor.x)
             linkage = space.variants(x[None])[0]
         if requirements.rounding is not None:
             judge = partial(variant_scores, requirements.without_motion())
             linkage = rounded(requirements.rounding, space, linkage, judge)
+        figures = leg_figures(requirements, linkage)
     except GeometryError as error:
         return CandidateRefusal(str(error))
     return FittedCandidate(space, linkage, figures)
@@ -641,42 +675,45 @@ def _best(aims: Sequence[Aim], legs: Sequence[FoundLeg], state: State) -> list[F
     return [legs[k] for k in best_first.tolist()]
 
 
-def failing_figures(requirements: Requirements, islands: Sequence[IslandScores]) -> list[str]:
-    """Return why no candidate fulfils the requirements: the figure that fails, and by how much."""
+def failing_figures(
+    requirements: Requirements,
+    islands: Sequence[IslandScores],
+    fitted: Sequence[FittedCandidate] = (),
+) -> list[str]:
+    """Return why no candidate fulfils the requirements: the limits that bind, and their best."""
     if not any(island.turns.any() for island in islands):
         jam = min(float(island.scores.violations[:, 0].min()) for island in islands)
         missing = f'{100.0 * min(jam, 1.0):.1f} % of the turn'
         remedy = 'vary more, or other dimensions'
         return [f'no candidate turns fully (the best one misses {missing}): {remedy}']
-    nearest: dict[str, float] = {}
-    least_violation = np.inf
-    for island in islands:
-        totals = np.where(island.turns, island.scores.total, np.inf)
-        i = int(totals.argmin())
-        if totals[i] < least_violation:
-            least_violation = totals[i]
-            nearest = _candidate_figures(island, i)
-    reasons = []
-    for limit in requirements.cheap_limits:
-        figure = nearest[limit.figure]
-        if limit.shortfall(figure) <= 0.0:
-            continue
-        reason = _shortfall(requirements, limit, figure)
-        columns = [island.scores.figures[limit.figure][island.turns] for island in islands]
-        finite = np.concatenate(columns)
-        finite = finite[np.isfinite(finite)]
-        if len(finite):
-            best = float(finite[limit.shortfall(finite).argmin()])
-            reason += f'; alone it reaches {requirements.figure_text(limit.figure, best)}'
-        reasons.append(reason)
-    return reasons or ['the limits hold only within rounding: relax one of them a little']
+    names = {limit.figure for limit in requirements.cheap_limits}
+    figures: dict[str, FloatArray] = {}
+    for name in names:
+        columns = [island.scores.figures[name][island.turns] for island in islands]
+        columns.append(np.array([candidate.expected[name] for candidate in fitted]))
+        figures[name] = np.concatenate(columns)
+    misses = [
+        limit.relative_shortfall(figures[limit.figure]) for limit in requirements.cheap_limits
+    ]
+    lacks = np.nan_to_num(np.maximum(0.0, misses), nan=np.inf)
+    nearest = int(lacks.sum(axis=0).argmin())
+    alone = []
+    together = []
+    for limit, lack in zip(requirements.cheap_limits, lacks, strict=True):
+        best = figures[limit.figure][lack.argmin()]
+        if lack.min() > 0.0:
+            alone.append(_best_text(requirements, limit, best))
+        elif lack[nearest] > 0.0:
+            reached = _best_text(requirements, limit, figures[limit.figure][nearest])
+            best_text = requirements.figure_text(limit.figure, best)
+            together.append(f'{reached} beside the other limits, {best_text} alone')
+    return (
+        alone or together or ['the limits hold only within rounding: relax one of them a little']
+    )
 
 
-def _shortfall(requirements: Requirements, limit: Limit, figure: float) -> str:
-    """Return by how much a figure misses a limit."""
+def _best_text(requirements: Requirements, limit: Limit, figure: float) -> str:
+    """Return a limit that does not hold, and the best figure that was reached."""
     text = partial(requirements.figure_text, limit.figure)
-    bound = f'{limit.sense.replace("_", " ")} {text(limit.value)}'
-    if np.isnan(figure):
-        return f'{limit.figure} has no value where {bound} is wanted'
-    miss = text(float(limit.shortfall(figure)))
-    return f'{limit.figure} is {text(figure)} where {bound} is wanted, {miss} short'
+    bound = f'{limit.figure} {limit.sense.replace("_", " ")} {text(limit.value)}'
+    return f'{bound}: {"no value" if np.isnan(figure) else f"best {text(figure)}"}'

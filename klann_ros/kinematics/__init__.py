@@ -43,7 +43,7 @@ Constants              `BENDS`, `JOINTS`, `LENGTHS`, `NUMBERS`, `PRESETS` of the
 Files                  `LENGTH_UNITS`, `NUMBER_DIGITS`, `SHIPPED`, `is_linkage`,
                        `linkage_text`, `content_with_numbers`, `schema_error`,
                        `structure_of`
-Structure              `as_linkage`, `Structure`, `Bar`, `body_points`
+Structure              `as_linkage`, `Structure`, `Bar`, `body_points`, `moved_numbers`
 Motion of bodies       `body_vectors`, `solve_rates`, `vector_velocity`,
                        `velocity_product`, `cross`, `SAME_ANGLE`, `ChangePoint`
 Parts of batches       `vectors`, `feet`, `loop_errors`, `transmission_angles`,
@@ -115,7 +115,7 @@ if TYPE_CHECKING:
     from .linkage.assemblies import assemblies, assembly_poses
     from .linkage.change_points import ChangePoint, SAME_ANGLE
     from .linkage.dyads import cross
-    from .linkage.equations import body_points
+    from .linkage.equations import body_points, moved_numbers
     from .linkage.file import (
         content_with_numbers,
         is_linkage,

@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+import re
 import sys
 
 from klann_ros.datasheet import data_sheet
 from klann_ros.design import refine, requirements_from, search, SearchResult, State
-from klann_ros.design.evolve import evolve, pareto_front, Scores
+from klann_ros.design.evolve import evolve, pareto_front, Scores, scores as evaluated
 from klann_ros.design.figures import FIGURES, judge, Judgement, sheet_figures
 from klann_ros.design.leg_file import leg_text, parameter_text, with_numbers
 from klann_ros.design.search import failing_figures, IslandScores
@@ -144,8 +145,83 @@ def test_requirements_that_no_leg_fulfils_name_the_figure_and_by_how_much() -> N
     without_legs = searched({'linkage': 'klann', 'units': units, 'vary': 5, 'figures': figures})
     assert without_legs.legs == ()
     (reason,) = without_legs.reasons
-    assert reason.startswith('stride is ')
-    assert 'where at least 900 mm is wanted' in reason
+    best = re.fullmatch(r'stride at least 900 mm: best ([\d.]+) mm', reason)
+    assert best is not None
+    assert 550.0 < float(best[1]) < 900.0
+
+
+def test_limits_that_hold_alone_but_not_together_are_named_with_both_figures() -> None:
+    requirements = requirements_from(
+        {'linkage': 'klann', 'figures': {'lift': {'at_least': 3}, 'stride': {'at_most': 4}}}
+    )
+    columns = {'lift': np.array([3.5, 2.9, np.nan]), 'stride': np.array([6.0, 4.1, 3.0])}
+    scores = Scores(np.zeros((3, 1)), np.array([[0.0, 0.5, 0.5]] * 3), columns)
+    reasons = failing_figures(requirements, [IslandScores(0, np.zeros((3, 1)), scores)])
+    assert reasons == [
+        'lift at least 3 m: best 2.9 m beside the other limits, 3.5 m alone',
+        'stride at most 4 m: best 4.1 m beside the other limits, 3 m alone',
+    ]
+
+
+def test_a_candidate_that_jams_never_beats_one_that_turns() -> None:
+    path = {'points': [[0, 0], [1e-3, 0], [0, 1e-3]]}
+    limits = {
+        'stride': {'at_least': 1e4},
+        'duty_factor': {'at_most': 0},
+        'lift': {'at_most': 1e-9},
+    }
+    figures = {**limits, 'path_error': {'at_most': 1e-9}, 'height': 'minimize'}
+    requirements = requirements_from({'linkage': 'klann', 'path': path, 'figures': figures})
+    (space,) = requirements.spaces
+    x = space.sample(np.random.default_rng(0), 60)
+    turns = judge(space.variants(x), frozenset()).turns
+    assert 5 < np.count_nonzero(turns) < 55
+    order = evaluated(requirements, space, x).order
+    assert turns[order].tolist() == sorted(turns, reverse=True)
+
+
+@pytest.mark.parametrize('timing', ['free', 'prescribed'])
+def test_a_limit_of_the_path_is_judged_after_refinement(
+    timing: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(refine, 'MAX_STEPS', 15)
+    monkeypatch.setattr(sys.modules[search.__module__], 'REFINED_CANDIDATES', 2)
+    alphas = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
+    drawn = shipped_linkage('four_bar')
+    points = 1e3 * linkage_poses(drawn, alphas).h
+    points += np.random.default_rng(1).normal(size=points.shape)
+    content: dict[str, object] = {'linkage': 'four_bar', 'units': {'length': 'mm'}, 'count': 1}
+    content['path'] = {'points': points.tolist(), 'timing': timing}
+    (leg,) = searched(content).legs
+    attainable = 1e3 * leg.reached['path_error']
+    reached = searched({**content, 'figures': {'path_error': {'at_most': 2.0 * attainable}}})
+    assert len(reached.legs) == 1
+    limit = 0.1 * attainable
+    missed = searched({**content, 'figures': {'path_error': {'at_most': limit}}})
+    (reason,) = missed.reasons
+    assert reason.startswith(f'path_error at most {limit:.4g} mm: best ')
+    assert float(reason.split()[-2]) < 2.0 * attainable
+
+
+@pytest.mark.parametrize('path', [{}, {'path': {'file': 'jansen_path.csv'}}])
+def test_a_candidate_outside_of_its_limits_is_refined_into_them(
+    path: Mapping[str, object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(refine, 'MAX_STEPS', 30)
+    figures = {'transmission_angle': {'at_least': 28}, 'bar_ratio': {'at_most': 3.3}}
+    units = {'length': 'mm', 'angle': 'deg'}
+    folder = Path(__file__).parents[2] / 'examples' / 'requirements'
+    content = {'linkage': 'klann', 'units': units, 'vary': 30, 'figures': figures, **path}
+    requirements = requirements_from(content, folder)
+    (space,) = requirements.spaces
+    (x,) = space.sample(np.random.default_rng(0), 1)
+    drawn = evaluated(requirements, space, x[None])
+    assert drawn.total[0] > 0.0
+    reached = refine.leg_figures(requirements, refine.refined(requirements, space, x))
+    assert reached['transmission_angle'] > np.radians(28)
+    assert reached['bar_ratio'] < 3.3
+    if path:
+        assert reached['path_error'] < drawn.figures['path_error'][0]
 
 
 def test_a_search_without_turning_legs_is_reported() -> None:
@@ -250,12 +326,12 @@ def test_the_front_is_that_of_all_pairs() -> None:
 @pytest.mark.parametrize('lifts', [[], [0.3]])
 def test_a_figure_without_a_value_is_a_reason_in_words(lifts: list[float]) -> None:
     requirements = requirements_from({'linkage': 'klann', 'figures': {'lift': {'at_least': 0.5}}})
-    violations = np.array([[0.0, 10.0]] * 2 + [[0.0, 20.0]] * len(lifts))
+    violations = np.array([[0.0, 1.0]] * (2 + len(lifts)))
     losses = np.zeros((len(violations), 1))
     scores = Scores(losses, violations, {'lift': np.array([np.nan, np.nan, *lifts])})
     (reason,) = failing_figures(requirements, [IslandScores(0, losses, scores)])
-    alone = '; alone it reaches 0.3 m' if lifts else ''
-    assert reason == f'lift has no value where at least 0.5 m is wanted{alone}'
+    best = 'best 0.3 m' if lifts else 'no value'
+    assert reason == f'lift at least 0.5 m: {best}'
 
 
 def test_a_parallelogram_by_construction_is_found() -> None:

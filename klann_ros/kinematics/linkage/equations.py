@@ -26,6 +26,26 @@ from .topology import Path
 Vector = Any
 
 
+def moved_numbers(
+    structure: Structure, numbers: Sequence[Any], factor: Any, shift: Any
+) -> list[Any]:
+    """Return the dimensions of linkages turned, scaled and moved: z -> factor z + shift."""
+    pivots, _ = link_vectors(structure, numbers)
+    moved = []
+    for d, number in zip(structure.dimensions, numbers, strict=True):
+        if d.is_length:
+            moved.append(np.abs(factor) * number)
+        elif d.kind in {'x', 'y'}:
+            pivot = d.sense * (factor * pivots[d.place] + shift)
+            moved.append(np.real(pivot) if d.kind == 'x' else np.imag(pivot))
+        elif structure.frames[structure.bars[d.place][0]] == FIXED:
+            angle = number + d.sense * np.angle(factor)
+            moved.append(np.remainder(angle + np.pi, TURN) - np.pi)
+        else:
+            moved.append(number)
+    return moved
+
+
 def link_vectors(
     structure: Structure, numbers: Sequence[Any]
 ) -> tuple[list[Vector], list[Vector]]:

@@ -4,7 +4,7 @@ from cmath import phase
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
-from math import degrees, remainder
+from math import degrees
 from typing import Any, ClassVar, TypeVar
 
 from klann_ros.kinematics import validation
@@ -18,8 +18,8 @@ from . import joints
 from .branch import Branch
 from .change_points import ChangePoints, COURSES, InterpolatedPose, PARALLEL, SIGN
 from .dimension_derivatives import vector_derivatives
-from .equations import LoopEquations, path_terms, real_rows, term_matrix
-from .structure import dimension_places, FIXED, Structure
+from .equations import LoopEquations, moved_numbers, path_terms, real_rows, term_matrix
+from .structure import dimension_places, Structure
 
 # Newton-Raphson needs only a few corrections from a usable start.
 MAX_START_ITERATIONS = 50
@@ -247,22 +247,11 @@ class Linkage(LoopEquations):
             A length gets too large or too small.
 
         """
-        size = abs(factor)
-        rotation = phase(factor)
-        bodies = self.structure.bodies
-        senses = self.structure.senses
-        numbers = list(self.numbers)
-        for n, dimension in enumerate(self.structure.dimensions):
-            if dimension.is_length:
-                numbers[n] *= size
-            elif dimension.kind in {'x', 'y'}:
-                pivot = factor * self.pivots[dimension.place] + shift
-                numbers[n] = pivot.real if dimension.kind == 'x' else pivot.imag
-            elif self.structure.frames[self.structure.bars[dimension.place][0]] == FIXED:
-                numbers[n] = remainder(numbers[n] + dimension.sense * rotation, TURN)
+        numbers = moved_numbers(self.structure, self.numbers, factor, shift)
         start = [] if self.is_dyadic else [*self.start]
-        for j, body in enumerate(bodies if start else ()):
-            start[j] = size * start[j] if body.slides else start[j] + senses[j] * rotation
+        for j, body in enumerate(self.structure.bodies if start else ()):
+            rotation = self.structure.senses[j] * phase(factor)
+            start[j] = abs(factor) * start[j] if body.slides else start[j] + rotation
         return self._with(numbers=numbers, **self._mode(start, self.assembly))
 
     def _mode(self, start: Sequence[float] | None, assembly: Sequence[int]) -> dict[str, Any]:
