@@ -125,7 +125,7 @@ def data_sheet(
         no_forces=_no_forces(sheets, missing, load),
         walk=walk,
         no_walk=no_walk,
-        weight=_weight(robot) if walk and not missing else 0.0,
+        body_mass=robot.body.mass if robot.body else 0.0,
     )
 
 
@@ -150,12 +150,6 @@ class _SheetOptions(NamedTuple):
     motor: Motor | None
     margins: bool
     samples: int
-
-
-def _weight(robot: Robot) -> float:
-    """Return the weight of a robot's legs and body [N]."""
-    body_mass = robot.body.mass if robot.body else 0.0
-    return GRAVITY * (body_mass + sum(leg.masses.total for leg in robot.legs if leg.masses))
 
 
 def _missing_masses(robot: Robot) -> str:

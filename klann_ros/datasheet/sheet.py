@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from klann_ros.dynamics import MassBasis, turn_mean, TurnOfForces
+from klann_ros.dynamics import GRAVITY, MassBasis, turn_mean, TurnOfForces
 from klann_ros.gait import GaitFigures
 from klann_ros.kinematics import FootPath, Linkage, Margin, Stance
 from klann_ros.kinematics.angles import Arc
@@ -220,8 +220,8 @@ class DataSheet:
         The gait of a walker over a turn.
     no_walk : str
         The reason why a walker does not walk, or ''.
-    weight : float
-        The weight of a walker with masses, else 0 [N].
+    body_mass : float
+        The mass of a walker's body [kg].
 
     """
 
@@ -235,7 +235,7 @@ class DataSheet:
     no_forces: str
     walk: GaitFigures | None
     no_walk: str
-    weight: float
+    body_mass: float
 
     @property
     def costs_of_transport(self) -> tuple[float, float] | None:
@@ -246,9 +246,11 @@ class DataSheet:
         walker, without masses or a load on the feet, and where it does not move.
         """
         turns = [crank.loaded for crank in self.cranks if crank.loaded]
-        if self.walk is None or not (self.weight and self.walk.speed and turns):
+        mass = self.body_mass + sum(leg.mass * len(leg.names) for leg in self.legs)
+        is_weighed = all(leg.masses for leg in self.legs)
+        if self.walk is None or not (is_weighed and mass * self.walk.speed and turns):
             return None
-        power = self.weight * abs(self.walk.speed * self.speed)
+        power = mass * GRAVITY * abs(self.walk.speed * self.speed)
         positive = sum(turn_mean(turn.alphas, np.maximum(turn.power, 0.0)) for turn in turns)
         absolute = sum(turn_mean(turn.alphas, np.abs(turn.power)) for turn in turns)
         return positive / power, absolute / power
