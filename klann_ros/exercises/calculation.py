@@ -257,8 +257,7 @@ class Calculation:
     def _all_rounded(self, numbers: FloatArray) -> FloatArray:
         if not self._digits:
             return numbers
-        rounded: FloatArray = np.vectorize(self._rounded)(numbers)
-        return rounded
+        return np.asarray(np.vectorize(self._rounded)(numbers))
 
     def _rounded(self, number: Any) -> Any:
         return float(f'{number:.{self._digits - 1}e}') if self._digits else number

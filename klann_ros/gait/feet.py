@@ -186,8 +186,7 @@ class _LegTables:
         intervals = np.floor(positions)
         powers = (positions - intervals)[..., None] ** _POWERS
         rows = intervals.astype(np.int64) % CUBIC_SAMPLES + self._first_rows
-        columns: FloatArray = (self._cubics.take(rows, axis=0) @ powers[..., None])[..., 0]
-        return columns
+        return np.asarray((self._cubics.take(rows, axis=0) @ powers[..., None])[..., 0])
 
 
 def _leg_cubics(leg: RobotLeg, radius: float) -> FloatArray:

@@ -139,8 +139,7 @@ class _BulkLayout:
 
     def matches(self, data: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Return which messages differ in numbers and padding only."""
-        is_match: NDArray[np.bool_] = (data[:, self._shared] == self._shared_bytes).all(axis=1)
-        return is_match
+        return np.asarray((data[:, self._shared] == self._shared_bytes).all(axis=1))
 
     def texts(self, path: str) -> tuple[str, ...]:
         """Return the texts of a field."""

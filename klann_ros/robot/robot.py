@@ -43,8 +43,7 @@ class Mount:
 
     def transform(self, points: ArrayLike) -> FloatArray:
         """Return points (x, y) of the plane in base_link: shape (..., 2) to (..., 3) [m]."""
-        transformed: FloatArray = self.rotate(points) + np.array(self.xyz)
-        return transformed
+        return np.asarray(self.rotate(points) + np.array(self.xyz))
 
 
 @dataclass(frozen=True)

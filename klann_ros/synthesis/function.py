@@ -50,8 +50,7 @@ def precision_points(start: float, end: float, count: int) -> FloatArray:
         x_k = (start + end) / 2 - (end - start) / 2 cos((2 k - 1) pi / (2 count))
     """
     angles = (2.0 * np.arange(1, count + 1) - 1.0) * pi / (2.0 * count)
-    points: FloatArray = (start + end) / 2.0 - (end - start) / 2.0 * np.cos(angles)
-    return points
+    return np.asarray((start + end) / 2.0 - (end - start) / 2.0 * np.cos(angles))
 
 
 def function_task(
@@ -148,8 +147,7 @@ def function_generators(
 def freudenstein(theta2: FloatArray, theta4: FloatArray) -> FloatArray:
     """Return K1, K2, K3 for angles from the ground, least squares, shape (3,)."""
     system = np.column_stack([np.cos(theta4), -np.cos(theta2), np.ones_like(theta2)])
-    solution: FloatArray = np.linalg.lstsq(system, np.cos(theta2 - theta4), rcond=None)[0]
-    return solution
+    return np.asarray(np.linalg.lstsq(system, np.cos(theta2 - theta4), rcond=None)[0])
 
 
 def _four_bars(

@@ -213,5 +213,4 @@ class ContactErrors:
     def covariance(self) -> FloatArray:
         """Return the covariance of x, y and yaw."""
         errors = np.array([self._offsets.real, self._offsets.imag, self._yaws]).reshape(3, -1)
-        covariance: FloatArray = (self._weights * errors).dot(errors.T)
-        return covariance
+        return np.asarray((self._weights * errors).dot(errors.T))

@@ -86,8 +86,7 @@ class OdometryScale:
 
     def unscaled(self, covariance: tuple[Triple, Triple, Triple]) -> FloatArray:
         """Return the covariance of an estimate at a set pose by that of x, y and yaw."""
-        unscaled: FloatArray = np.array(covariance) / np.outer(self._factors, self._factors)
-        return unscaled
+        return np.asarray(np.array(covariance) / np.outer(self._factors, self._factors))
 
     def scaled(self, estimate: OdometryEstimate) -> OdometryEstimate:
         """Return the next estimate, scaled."""

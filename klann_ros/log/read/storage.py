@@ -66,8 +66,7 @@ class MessageBlock:
 
     def signed_times(self, name: str) -> NDArray[np.int64]:
         """Return the log or publish times as signed integers [ns]: a log may hold any 64 bits."""
-        times: NDArray[np.int64] = np.minimum(self.heads[name], np.uint64(LAST_TIME)).astype('i8')
-        return times
+        return np.asarray(np.minimum(self.heads[name], np.uint64(LAST_TIME)).astype('i8'))
 
     def message(self, row: int) -> bytes:
         """Return the data of one message."""

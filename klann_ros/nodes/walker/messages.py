@@ -321,21 +321,16 @@ class WalkerReports:
     def _rivalries(self) -> list[str]:
         """Return the inputs and outputs with several publishers, in words."""
         rivalries = []
-        commander_count = len(self._publishing_nodes('crank_command', 'watchdog_node'))
-        if commander_count > 1:
-            publishers = f'{commander_count} publishers: only one may drive the cranks'
-            rivalries.append(f'crank_command has {publishers}')
-        # sim_node gives way to others.
-        drivers = self._publishing_nodes('cmd_vel', 'sim_node')
-        if len(drivers) > 1:
-            names = ', '.join(map(printable, drivers))
-            rivalries.append(f'cmd_vel has {len(drivers)} publishers: {names}')
-        switches = self._publishing_nodes('e_stop')
-        if len(switches) > 1:
-            names = ', '.join(map(printable, switches))
-            rivalries.append(
-                f'e_stop has {len(switches)} publishers, whose silence hides: {names}'
-            )
+        for topic, harmless, text in (
+            ('crank_command', 'watchdog_node', '{} publishers: only one may drive the cranks'),
+            # sim_node gives way to others.
+            ('cmd_vel', 'sim_node', '{} publishers: {}'),
+            ('e_stop', '', '{} publishers, whose silence hides: {}'),
+        ):
+            nodes = self._publishing_nodes(topic, harmless)
+            if len(nodes) > 1:
+                names = ', '.join(map(printable, nodes))
+                rivalries.append(f'{topic} has {text.format(len(nodes), names)}')
         return rivalries
 
     def _publishing_nodes(self, name: str, harmless: str = '') -> list[str]:

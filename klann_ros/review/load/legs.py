@@ -126,11 +126,7 @@ class LegColumns:
     """The legs in the columns of a log."""
 
     def __init__(
-        self,
-        columns: LogColumns,
-        definitions: LegDefinitions,
-        pool: SeriesPool,
-        clock: Series,
+        self, columns: LogColumns, definitions: LegDefinitions, pool: SeriesPool, clock: Series
     ) -> None:
         self._definitions = definitions
         self._descriptions = RobotDescriptions(columns.contents(Role.DESCRIPTION))

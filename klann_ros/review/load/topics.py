@@ -280,8 +280,7 @@ def recorder_clock_steps(
         return likely
     has_publisher_step = published_back >= back / 2
     has_publisher_step &= alone | (back > _MAX_SHARED_REORDERING)
-    is_step: BoolArray = likely & (has_publisher_step | _latency_drops(latencies, rows, back))
-    return is_step
+    return np.asarray(likely & (has_publisher_step | _latency_drops(latencies, rows, back)))
 
 
 def _latency_drops(latencies: NDArray[np.float32], rows: IntArray, back: IntArray) -> BoolArray:

@@ -47,8 +47,7 @@ class Duplicates(NamedTuple):
         is_wrong = wrong[self.rows]
         has_right_answer = np.zeros(int(self.inputs.max(initial=-1)) + 1, dtype=bool)
         has_right_answer[self.inputs[~is_wrong]] = True
-        rows: IndexArray = self.rows[is_wrong & has_right_answer[self.inputs]]
-        return rows
+        return np.asarray(self.rows[is_wrong & has_right_answer[self.inputs]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +68,7 @@ class Answers:
 
     def of(self, cause: Cause) -> IndexArray:
         """Return the inputs without answer for a cause."""
-        rows: IndexArray = self.rows[self.causes == cause]
-        return rows
+        return np.asarray(self.rows[self.causes == cause])
 
 
 _NO_ROWS = np.empty(0, dtype=np.intp)

@@ -50,8 +50,7 @@ def overlaps(begins: IntArray, ends: IntArray, intervals: Sequence[Interval]) ->
     # Only the first interval that ends at the begin or later can overlap.
     first = np.searchsorted(stops, begins)
     exists = first < len(intervals)
-    touched: BoolArray = exists & (starts[np.where(exists, first, 0)] <= ends)
-    return touched
+    return np.asarray(exists & (starts[np.where(exists, first, 0)] <= ends))
 
 
 def covered_time(begins: IntArray, ends: IntArray, intervals: Sequence[Interval]) -> IntArray:
@@ -64,8 +63,7 @@ def covered_time(begins: IntArray, ends: IntArray, intervals: Sequence[Interval]
     def until(times: IntArray) -> IntArray:
         count = np.searchsorted(starts, times, side='right')
         remaining = np.maximum(stops[np.maximum(count, 1) - 1] - times, 0)
-        covered: IntArray = before[count] - np.where(count > 0, remaining, 0)
-        return covered
+        return np.asarray(before[count] - np.where(count > 0, remaining, 0))
 
     return until(ends) - until(begins)
 
@@ -173,8 +171,7 @@ def pairs(first: IntArray, second: IntArray) -> tuple[IndexArray, IndexArray]:
 
 def _have_equal_counts(stamps: IntArray, first: IntArray, second: IntArray) -> BoolArray:
     """Return whether each stamp is as often among the first as among the second, both sorted."""
-    equal: BoolArray = _counts(stamps, first) == _counts(stamps, second)
-    return equal
+    return np.asarray(_counts(stamps, first) == _counts(stamps, second))
 
 
 def alone(stamps: IntArray) -> IndexArray:
@@ -224,8 +221,7 @@ def count_stamps(first: IntArray, second: IntArray) -> StampCounts:
 def _counts(stamps: IntArray, ordered: IntArray) -> IndexArray:
     """Return how often each stamp is among sorted ones."""
     ends = np.searchsorted(ordered, stamps, side='right')
-    counts: IndexArray = ends - np.searchsorted(ordered, stamps, side='left')
-    return counts
+    return np.asarray(ends - np.searchsorted(ordered, stamps, side='left'))
 
 
 def is_monotonic(stamps: IntArray) -> bool:

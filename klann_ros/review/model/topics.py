@@ -17,11 +17,7 @@ from .times import covered_time, Interval, median, time_steps
 # Sent on events, not at a rate: markers, logs, parameter events, node states, joysticks, leases,
 # and commands that hold until the next one or a timeout. Only velocities of cranks have a rate.
 _EVENT_PACKAGES = ('visualization_msgs/', 'rcl_interfaces/', 'lifecycle_msgs/', 'trajectory_msgs/')
-_EVENT_TYPES = (
-    'sensor_msgs/msg/Joy',
-    'geometry_msgs/msg/Twist',
-    'diagnostic_msgs/msg/KeyValue',
-)
+_EVENT_TYPES = ('sensor_msgs/msg/Joy', 'geometry_msgs/msg/Twist', 'diagnostic_msgs/msg/KeyValue')
 _COMMANDS = re.compile('cmd_vel[^/]*$|(?<!velocity_controller)/commands$')
 # Sent at a rate, with long stalls at most.
 _STREAMS = (

@@ -101,8 +101,7 @@ def thin_rows(
     for column in columns:
         rows.append(_maxima(column, parts))
         rows.append(_maxima(-column, parts))
-    thinned: IndexArray = np.unique(np.concatenate(rows))
-    return thinned
+    return np.asarray(np.unique(np.concatenate(rows)))
 
 
 def _maxima(column: FloatArray, parts: int) -> IndexArray:
