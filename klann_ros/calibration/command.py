@@ -25,13 +25,13 @@ from klann_ros.sanitize.text import listed, printable, printable_line
 from klann_ros.sanitize.yaml_text import content_of_file, dump, parameter_file, parse_file
 
 from .fit import calibrate, Calibration
-from .load import described_run, load_run, load_table, point_topics, Request
+from .load import described_run, load_run, point_topics, Request
 from .measurements import MeasurementError
 from .model import CAMERAS
 from .page import page
 from .problem import Prior
 from .report import report, text_lines
-from .tables import TABLE_SUFFIXES, TableOptions
+from .tables import load_table, TABLE_SUFFIXES, TableOptions
 
 NOT_OBSERVABLE = 1
 # Parameters of a leg that a calibration does not change.

@@ -35,16 +35,9 @@ TRANSITION = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
 STEP_NOISE = np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
 STEP_ROOT = np.linalg.cholesky(np.linalg.inv(STEP_NOISE))
 # Hermite polynomials of the states of both nodes, by powers of the fraction.
-HERMITE = np.array(
-    [
-        [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
-        [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
-        [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
-        [0.0, 0.0, 0.0, 10.0, -15.0, 6.0],
-        [0.0, 0.0, 0.0, -4.0, 7.0, -3.0],
-        [0.0, 0.0, 0.0, 0.5, -1.0, 0.5],
-    ]
-)
+_STATES_AT_END = np.array([[1, 1, 1, 1, 1, 1], [0, 1, 2, 3, 4, 5], [0, 0, 2, 6, 12, 20]])
+_STATES_AT_START = np.diag([1.0, 1.0, 2.0]) @ np.eye(ORDER, 2 * ORDER)
+HERMITE = np.linalg.inv(np.vstack([_STATES_AT_START, _STATES_AT_END])).T
 # Ratios r / q that are tried, up to which deviance they are likely, and the least q [rad^2].
 NOISE_RATIOS = 10.0 ** np.arange(-6.0, 10.0)
 LIKELY_DEVIANCE = 20.0

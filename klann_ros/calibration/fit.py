@@ -19,7 +19,7 @@ from klann_ros.kinematics.angles import TURN, wrap
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, with_short_repr
 import numpy as np
 
-from .measurements import MeasuredSeries, MeasurementError, scaled, subset
+from .measurements import MeasuredSeries, MeasurementError, scaled, subset, TrackedCrank
 from .model import BACKLASH, CAMERA, CAMERA_SCALE, CAMERAS, DELAY, MeasurementModel, PHASE
 from .observability import (
     further_measurements,
@@ -208,7 +208,7 @@ def calibrate(
     """
     if not measured:
         raise MeasurementError('nothing was measured: name a point and its topic')
-    has_encoder = any(series.encoder is not None for series in measured)
+    has_encoder = not any(isinstance(series.encoder, TrackedCrank) for series in measured)
     if delay and not has_encoder:
         raise MeasurementError('a crank that the camera tracks has no delay')
     rates = np.concatenate([series.rate for series in measured])

@@ -1,8 +1,7 @@
-"""Measurements from a run or a table, paired with the crank by their stamps."""
+"""Measurements from a run, and of any source paired with the crank by their stamps."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import Linkage
@@ -29,12 +28,10 @@ from .measurements import (
     MeasurementError,
     moving_points,
     series_of,
-    tracked_crank,
-    tracked_series,
+    TrackedCrank,
 )
 from .model import CAMERAS, MeasurementModel
 from .search import MIN_SAMPLES, start_parameters
-from .tables import read_measurements, TableOptions
 
 # Last names of topics whose points are no measurements: a solver computed them.
 COMPUTED_TOPICS = ('point_h', 'velocity_h')
@@ -283,33 +280,6 @@ def _crank_samples(
     )
 
 
-def load_table(
-    path: str,
-    leg: RobotLeg,
-    requests: Sequence[Request] = (),
-    options: TableOptions | None = None,
-) -> Loaded:
-    """
-    Return the measurements of a table: `time` [s], `crank` [rad], `H.x`, `H.y` [m], ...
-
-    Angles and distances are single columns, such as `theta` [rad] and `A-H` [m]; empty fields were
-    not measured. Requests name columns; by default all are read.
-    """
-    options = options or TableOptions()
-    columns = {request.name: request.topic for request in requests}
-    table = read_measurements(path, leg, columns, options)
-    quantities = []
-    for name, values in table.measured.items():
-        kind = kind_of(leg.linkage, name)
-        source = f'column {printable(columns.get(name, name))}'
-        quantities.append(Quantity(kind, name, table.times, values, source=source))
-    crank = table.crank and (table.times, table.crank.numbers)
-    unit = (table.crank and table.crank.unit) or options.angle_unit
-    loaded = paired(leg, quantities, crank, unit)
-    notes = [f'not used: column {printable(name)}' for name in table.unused]
-    return Loaded(loaded.measured, [*notes, *loaded.notes])
-
-
 def paired(
     leg: RobotLeg,
     quantities: Sequence[Quantity],
@@ -331,12 +301,9 @@ def paired(
     for point in candidates:
         for quantity in quantities:
             if quantity.name == point.name:
-                frames = tracked_crank(point, quantity.times, quantity.values)
-                measured = []
-                for kind, name, times, values, noise, source in quantities:
-                    series = tracked_series(kind, name, times, values, frames)
-                    measured.append(replace(series, noise=noise, source=source))
-                return Loaded(measured, [f'the crank is that of the tracked point {point.name}'])
+                encoder = TrackedCrank.by_point(point, quantity.times, quantity.values)
+                note = f'the crank is that of the tracked point {point.name}'
+                return Loaded(_series(quantities, encoder), [note])
     names = listed([point.name for point in candidates], 4) or 'none'
     raise MeasurementError(
         f'there is no angle of the crank: name its column, as --column crank=2, its topic with '

@@ -56,10 +56,9 @@ class MeasuredSeries:
     `name` is a point, a body's angle or distance, or the distance of two points: 'H', 'theta',
     'A-H'. At the stamps `times`, shape (n,) [s], `values` are positions in the leg's plane or the
     camera's, shape (n, 2) [m], angles [rad] or distances [m], shape (n, 1); `crank` and `rate` are
-    those of the crank joint, shape (n,) [rad, rad/s], by the samples `encoder`; without
-    an encoder those of a tracked point of the crank (see `tracked_crank`). `noise` is the standard
-    deviation of each number, if it is known [m, rad], `source` such as a topic, and `skipped` the
-    number of samples that were left out: not finite, repeated, or without a crank angle.
+    those of the crank joint, shape (n,) [rad, rad/s], by the samples `encoder`. `noise` is the
+    standard deviation of each number, if it is known [m, rad], `source` such as a topic, and
+    `skipped` the number of samples left out: not finite, repeated, or without a crank angle.
     """
 
     kind: Kind
@@ -68,7 +67,7 @@ class MeasuredSeries:
     values: FloatArray
     crank: FloatArray
     rate: FloatArray
-    encoder: CrankSamples | None
+    encoder: CrankSamples
     noise: float | None = None
     source: str = ''
     skipped: int = 0
@@ -137,25 +136,26 @@ def crank_points(linkage: Linkage) -> list[TrackedPoint]:
     return sorted(tracked, key=lambda point: -point.radius)
 
 
-def tracked_crank(point: TrackedPoint, times: FloatArray, values: FloatArray) -> CrankSamples:
-    """Return the crank's angles by a point of it, shape (n, 2), about the centre of its circle."""
-    stamps, places = _cleaned(times, values)
-    z = places @ (1.0, 1j)
-    columns = np.column_stack([2.0 * places, np.ones(len(places))])
-    centre = np.linalg.lstsq(columns, np.abs(z) ** 2, rcond=None)[0][:2] @ (1.0, 1j)
-    return CrankSamples(stamps, np.unwrap(np.angle(z - centre)) - point.angle)
+class TrackedCrank(CrankSamples):
+    """The crank's angles by a tracked point of it, at the times of the frames alone."""
 
+    @classmethod
+    def by_point(
+        cls, point: TrackedPoint, times: FloatArray, values: FloatArray
+    ) -> 'TrackedCrank':
+        """Return the angles of a point, shape (n, 2), about the centre of its circle."""
+        stamps, places = _cleaned(times, values)
+        columns = np.column_stack([2.0 * places, np.ones(len(places))])
+        squares = (places**2).sum(axis=1)
+        arms = (places - np.linalg.lstsq(columns, squares, rcond=None)[0][:2]) @ (1.0, 1j)
+        return cls(stamps, np.unwrap(np.angle(arms)) - point.angle)
 
-def tracked_series(
-    kind: Kind, name: str, times: FloatArray, values: FloatArray, crank: CrankSamples
-) -> MeasuredSeries:
-    """Return samples paired with the tracked crank of the same frames."""
-    stamps, numbers = _cleaned(times, values)
-    _, rows, frames = np.intersect1d(stamps, crank.times, return_indices=True)
-    angles = crank.positions[frames]
-    skipped = len(times) - len(rows)
-    series = MeasuredSeries(kind, name, stamps[rows], numbers[rows], angles, 0.0 * angles, None)
-    return replace(series, skipped=skipped)
+    def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions [rad], NaN between the frames, and rates, which are not known, of 0."""
+        _, rows, frames = np.intersect1d(times, self.times, return_indices=True)
+        angles = np.full(len(times), np.nan)
+        angles[rows] = self.positions[frames]
+        return angles, 0.0 * angles
 
 
 def moving_points(linkage: Linkage) -> list[str]:

@@ -146,7 +146,7 @@ class MeasurementModel:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the crank joint's angles [rad] and rates [rad/s] at the delayed stamps."""
         delay = self.value(parameters, DELAY)
-        if not delay or series.encoder is None:
+        if not delay:
             return series.crank, series.rate
         return series.encoder.motion.at(series.times + delay)
 

@@ -33,6 +33,8 @@ WEAKEST_PRIOR = 1000.0
 BEND_LENGTH = 0.03
 # Share of the samples of a series that fit the leg, at least.
 MIN_INLIERS = 0.5
+# Standard deviation of the noise of a series, at least [m, rad].
+MIN_NOISE = 1e-9
 # Standard errors that show crank noise.
 MIN_CRANK_NOISE = 4.0
 # Standard deviation of the angle of a crank that is known by a tracked point alone [rad].
@@ -42,7 +44,7 @@ MAX_MOTION_CHI2 = 0.01
 # Mean chi2 from which on errors between distant samples of the crank are worth a warning.
 MIN_GAP_CHI2 = 0.1
 # Iterations of the noise beside errors of the crank's motion.
-NOISE_ITERATIONS = 3
+NOISE_ITERATIONS = 4
 
 Prior = float | Mapping[str, float] | None
 """Standard deviations of the dimensions [m, rad]: one of all, or by name."""
@@ -104,7 +106,7 @@ class Problem:
     @cached_property
     def motion(self) -> CrankMotion:
         """Return the motion of the crank, by the samples that all series are paired with."""
-        encoder = next(series.encoder for series in self.measured if series.encoder)
+        encoder = self.measured[0].encoder
         if self._crank_noise is None:
             return encoder.motion
         return CrankMotion(encoder.times, encoder.positions, self._crank_noise)
@@ -208,7 +210,7 @@ class Problem:
         medians = np.empty(len(self.measured))
         for n in range(len(medians)):
             medians[n] = np.median(sizes[owners == n])
-        return Fit(y, is_used, np.maximum(MAD_FACTOR * medians, 1e-9), 0.0, None)
+        return Fit(y, is_used, np.maximum(MAD_FACTOR * medians, MIN_NOISE), 0.0, None)
 
     def likeliest(self, fit: Fit) -> Fit:
         """Return a fit with the noise of its residuals and the likeliest motion of the crank."""
@@ -249,25 +251,20 @@ class Problem:
             excess = float(weights @ squares)
             is_visible = weight > 0.0 and excess > MIN_CRANK_NOISE * sqrt(weight)
             crank_noise = sqrt(excess / weight) if is_visible else 0.0
-        without_crank = np.bincount(owners, squares) / counts - crank_noise**2 * mean_slopes
-        sigmas = np.sqrt(np.maximum(without_crank, 0.01 * variances))
-        stated = np.array([series.noise or np.nan for series in self.measured])
-        sigmas = np.where(np.isnan(stated), sigmas, stated)
-        motion_chi2 = float((motion_squares / sigmas[owners] ** 2).sum())
-        fit = Fit(y, is_used, sigmas, crank_noise, None)
-        if motion_chi2 <= MAX_MOTION_CHI2:
-            return fit
-        return self._with_refined_noise(fit._replace(motion=motion))
+        fit = self.with_robust_noise(y, is_used)._replace(crank_noise=crank_noise)
+        motion_chi2 = float((motion_squares / fit.sigmas[owners] ** 2).sum())
+        if motion_chi2 > MAX_MOTION_CHI2:
+            fit = fit._replace(motion=motion)
+        return self._with_refined_noise(fit)
 
     def _with_refined_noise(self, fit: Fit) -> Fit:
-        """Return a fit with noise that leaves the errors of the crank to the crank."""
+        """Return a fit with the noise of its residuals, without what the crank takes of them."""
         owners = self.owners[fit.is_used]
         for _ in range(NOISE_ITERATIONS):
             whitening = self.whitening(fit)
             residuals = whitening.residuals(self.rows(fit.y).residuals)[: len(owners)]
-            # They are smaller by what the crank takes of them.
             factors = np.bincount(owners, residuals**2) / np.bincount(owners, whitening.freedom())
-            sigmas = fit.sigmas * np.sqrt(np.maximum(factors, 1e-6))
+            sigmas = np.maximum(fit.sigmas * np.sqrt(np.maximum(factors, 0.0)), MIN_NOISE)
             for n, series in enumerate(self.measured):
                 sigmas[n] = series.noise or sigmas[n]
             fit = fit._replace(sigmas=sigmas)

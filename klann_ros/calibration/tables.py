@@ -13,6 +13,7 @@ from klann_ros.robot import RobotLeg
 from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
 
+from .load import Loaded, paired, Quantity, Request
 from .measurements import kind_of, MeasurementError
 
 TABLE_SUFFIXES = ('.csv', '.tsv', '.txt')
@@ -47,46 +48,47 @@ class Column(NamedTuple):
     numbers: FloatArray
 
 
-class MeasuredTable(NamedTuple):
-    """Columns of a table: times [s], the crank if there is one, and what was measured."""
+def load_table(
+    path: str, leg: RobotLeg, requests: Sequence[Request], options: TableOptions
+) -> Loaded:
+    """
+    Return the measurements of a table: `time` [s], `crank` [rad], `H.x`, `H.y` [m], ...
 
-    times: FloatArray
-    crank: Column | None
-    measured: Mapping[str, FloatArray]  # shape (n, k) [m, rad]
-    unused: list[str]  # what other columns say that they measure
-
-
-def read_measurements(
-    path: str, leg: RobotLeg, requests: Mapping[str, str], options: TableOptions
-) -> MeasuredTable:
-    """Return the times, the crank and the requested columns by quantity; all by default."""
+    Angles and distances are single columns, such as `theta` [rad] and `A-H` [m]; empty fields were
+    not measured. Requests name columns; by default all are read.
+    """
     columns = _columns(path, leg)
     by_role = {column.role: column for column in columns}
     for role, name in options.columns.items():
         by_role[role] = _column(path, columns, name)
+    requested = {request.name: request.topic for request in requests}
     named = {_quantity(role) for role in by_role} - {'', 'time', 'frame', 'crank'}
-    names = [*requests] or sorted(named & _quantities(leg))
-    unused = sorted(named - {*names}) if not requests else []
+    names = [*requested] or sorted(named & _quantities(leg))
     if not names:
-        for name in unused:
+        for name in sorted(named):
             kind_of(leg.linkage, name)
         raise MeasurementError(
             f'{printable(path)} has no column of a point, as H.x: there are '
             f'{listed([column.name for column in columns], 12)}. Name them by their numbers, as '
             f'--column time=1 --column H.x=2 --column H.y=3'
         )
-    measured = {}
+    times = _times(path, by_role, len(columns[0].numbers), options)
+    quantities = []
     for name in names:
         kind = kind_of(leg.linkage, name)
+        source = requested.get(name, name)
         numbers = []
         for suffix in ('.x', '.y') if kind == 'point' else ('',):
-            source = f'{requests.get(name, name)}{suffix}'
-            column = by_role.get(source) or _column(path, columns, source)
+            column = by_role.get(source + suffix) or _column(path, columns, source + suffix)
             unit = column.unit or (options.angle_unit if kind == 'angle' else '')
             numbers.append(column.numbers * UNIT_FACTORS.get(unit, 1.0))
-        measured[name] = np.column_stack(numbers)
-    times = _times(path, by_role, len(columns[0].numbers), options)
-    return MeasuredTable(times, by_role.get('crank'), measured, unused)
+        title = f'column {printable(source)}'
+        quantities.append(Quantity(kind, name, times, np.column_stack(numbers), source=title))
+    crank = by_role.get('crank')
+    unit = (crank and crank.unit) or options.angle_unit
+    measured, notes = paired(leg, quantities, crank and (times, crank.numbers), unit)
+    unused = [] if requests else sorted(named - {*names})
+    return Loaded(measured, [*notes, *[f'not used: column {printable(name)}' for name in unused]])
 
 
 def _quantity(role: str) -> str:

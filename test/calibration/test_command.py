@@ -14,7 +14,8 @@ import time
 from typing import Any
 
 from klann_ros.calibration.command import main
-from klann_ros.calibration.load import load_table, Request
+from klann_ros.calibration.load import Request
+from klann_ros.calibration.tables import load_table, TableOptions
 from klann_ros.datasheet.command import main as describe
 from klann_ros.export.command import main as export
 from klann_ros.robot import robot_of
@@ -158,7 +159,8 @@ def test_a_table_is_read_whole(table: Path, tmp_path: Path) -> None:
     assert main([str(table), '--leg', 'sem104', '--json', str(numbers)]) == 0
     points = json.loads(numbers.read_text())['points']
     assert (points['H']['used'], points['G']['used'], points['G']['skipped']) == (400, 399, 1)
-    (renamed,) = load_table(str(table), robot_of('sem104').legs[0], [Request('H', 'G')]).measured
+    leg = robot_of('sem104').legs[0]
+    (renamed,) = load_table(str(table), leg, [Request('H', 'G')], TableOptions()).measured
     assert renamed.name == 'H'
     np.testing.assert_array_equal(renamed.values, np.delete(ROBOT.seen('G'), 7, axis=0))
 

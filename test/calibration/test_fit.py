@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from klann_ros.calibration import calibrate, CrankSamples, fit, MeasurementError, series_of
-from klann_ros.calibration.measurements import crank_points, tracked_crank, tracked_series
+from klann_ros.calibration.measurements import crank_points, TrackedCrank
 from klann_ros.calibration.model import PHASE
 from klann_ros.calibration.report import text_lines, verdict
 from klann_ros.kinematics import KlannGeometry, linkage_poses, shipped_linkage
@@ -482,10 +482,10 @@ def filmed(robot: Robot, see: Any, points: str = 'BHG') -> list[Any]:
         rng.normal(0.0, robot.noise * np.ptp(views[0][:, 0]) / 0.24, view.shape) for view in views
     ]
     views = [view + noise for view, noise in zip(views, noises, strict=True)]
-    crank = tracked_crank(pin, robot.times, views[0])
+    crank = TrackedCrank.by_point(pin, robot.times, views[0])
     measured = []
     for name, view in zip(points, views, strict=True):
-        measured.append(tracked_series('point', name, robot.times, view, crank))
+        measured.append(series_of('point', name, robot.times, view, crank))
     return measured
 
 

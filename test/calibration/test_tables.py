@@ -5,9 +5,8 @@ import math
 from pathlib import Path
 
 from klann_ros.calibration.command import main
-from klann_ros.calibration.load import load_table
 from klann_ros.calibration.measurements import MeasuredSeries
-from klann_ros.calibration.tables import TableOptions
+from klann_ros.calibration.tables import load_table, TableOptions
 from klann_ros.robot import robot_of
 from measured_robots import Robot
 import numpy as np

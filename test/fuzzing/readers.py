@@ -15,8 +15,8 @@ from fuzzing.user_files import (
     write_hostile,
 )
 from klann_ros.calibration.command import deviations_by_name
-from klann_ros.calibration.load import load_table
 from klann_ros.calibration.measurements import MeasurementError
+from klann_ros.calibration.tables import load_table, TableOptions
 from klann_ros.datasheet import motor_from_file, MotorFileError
 from klann_ros.design import requirements_from, requirements_from_file, RequirementsError, State
 from klann_ros.design.search import StateError
@@ -157,7 +157,13 @@ READERS = {
     'answers': _sample(
         'answers', '.csv', hostile_table, _of_name(mark_answers, KINDS), ExerciseError
     ),
-    'track': _sample('track', '.csv', hostile_table, _of_name(load_table, LEG), MeasurementError),
+    'track': _sample(
+        'track',
+        '.csv',
+        hostile_table,
+        _of_name(load_table, LEG, (), TableOptions()),
+        MeasurementError,
+    ),
     'path': _sample('path', '.csv', hostile_table, _read_path, RequirementsError),
     'svg': _sample('svg', '.svg', hostile_text, _read_path, RequirementsError),
     'rows': _sample('rows', '.csv', hostile_table, _of_name(rows_from_table), LogError, OSError),
