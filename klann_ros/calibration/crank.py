@@ -8,15 +8,14 @@ of nodes the states s = (x, x', x'') are a Markov chain,
 
     s[j + 1] = A s[j] + w,    cov(w) = q Q,
 
-so their information matrix is banded. Between two nodes x is the Hermite polynomial of their
-states plus a bridge of the variance q f^5 (1 - f)^5 / 20 at the fraction f. The unit of time is
-the distance of the nodes.
+so their information matrix is banded. The nodes are closer than the samples, so that between two
+of them x is the Hermite polynomial of their states. The unit of time is the distance of the nodes.
 """
 
 from copy import copy
 from functools import cached_property
 from math import log
-from typing import Any, NamedTuple
+from typing import Any
 
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray
 import numpy as np
@@ -46,14 +45,6 @@ MIN_VARIANCE = 1e-18
 SAMPLE_COUNT = 64
 
 
-class Moments(NamedTuple):
-    """Weights of n moments on the states of the chain."""
-
-    angle: Any  # sparse, shape (n, states)
-    rate: Any  # sparse, shape (n, states) [1/s]
-    bridge: FloatArray  # variance of the bridge over q, shape (n,)
-
-
 class CrankMotion:
     """
     The motion of a crank by samples at rising times [s] and positions [rad], shape (n,).
@@ -64,7 +55,6 @@ class CrankMotion:
 
     period: float  # usual time between samples [s]
     deviance: float  # -2 times the logarithm of the likelihood
-    density: float  # q
     noise: float  # sqrt(r) [rad]
     states: FloatArray  # means of the states
     factor: FloatArray  # Cholesky factor of the information of the states, in banded form
@@ -75,9 +65,8 @@ class CrankMotion:
     ) -> None:
         steps = np.diff(times)
         self.period = float(np.median(steps)) if len(steps) else 0.0
-        is_gap = (steps > MAX_GAP_PERIODS * self.period) | (
-            abs(np.diff(positions)) > MAX_CRANK_STEP
-        )
+        is_gap = steps > MAX_GAP_PERIODS * self.period
+        is_gap |= np.abs(np.diff(positions)) > MAX_CRANK_STEP
         stretches = np.split(np.arange(len(times)), np.flatnonzero(is_gap) + 1)
         stretches = [stretch for stretch in stretches if len(stretch) > ORDER]
         self.starts: FloatArray = np.array([times[stretch[0]] for stretch in stretches])
@@ -96,7 +85,7 @@ class CrankMotion:
         """Set states, q, r and information to those of the largest likelihood."""
         from scipy.sparse import block_diag, eye_array, kron  # noqa: PLC0415 - an extra
 
-        moments = self.moments(times)
+        weights, _ = self.weights(times)
         chains = []
         for count in np.diff(self._nodes):
             steps = kron(eye_array(count - 1, count), STEP_ROOT.T @ TRANSITION)
@@ -108,53 +97,51 @@ class CrankMotion:
         freedom = len(times) - ORDER * len(self.starts)
         motions: list[CrankMotion] = []
         for ratio in NOISE_RATIOS[:1] if noise == 0.0 else NOISE_RATIOS:
-            weights = 1.0 / (ratio + moments.bridge)
-            weighted = moments.angle.T * weights
-            factor = banded_factor(chain_information + weighted @ moments.angle)
-            states = solved(factor, weighted @ (positions - line))
-            residuals = positions - line - moments.angle @ states
-            square = float(weights @ residuals**2 + np.sum((chain @ states) ** 2))
+            factor = banded_factor(chain_information + weights.T @ weights / ratio)
+            states = solved(factor, weights.T @ (positions - line) / ratio)
+            residuals = positions - line - weights @ states
+            square = float(residuals @ residuals / ratio + np.sum((chain @ states) ** 2))
             density = noise**2 / ratio if noise else max(square / freedom, MIN_VARIANCE)
-            determinant = 2.0 * np.log(factor[0]).sum() - np.log(weights).sum()
+            determinant = 2.0 * np.log(factor[0]).sum() + len(times) * log(ratio)
             motion = copy(self)
             motion.deviance = freedom * log(density) + square / density + determinant
-            motion.density = density
             motion.noise = (ratio * density) ** 0.5
             motion.factor = factor / density**0.5
-            motion.states = solved(factor, weighted @ positions)
+            motion.states = solved(factor, weights.T @ positions / ratio)
             motions.append(motion)
         max_deviance = min(motion.deviance for motion in motions) + LIKELY_DEVIANCE
         likely = [motion for motion in motions if motion.deviance <= max_deviance]
         vars(self).update(vars(min(likely, key=lambda motion: motion.deviance)))
         self.likely = tuple(likely)
 
-    def moments(self, times: FloatArray) -> Moments:
-        """Return the weights of times [s], which are extrapolated where the crank is unknown."""
+    def weights(self, times: FloatArray) -> tuple[Any, Any]:
+        """Return the weights of angles and rates [1/s] at times [s] on the states, sparse."""
         from scipy.sparse import csr_array  # noqa: PLC0415
 
-        # The nearest stretch.
+        # The nearest stretch, which is extrapolated where the crank is unknown.
         stretch = np.searchsorted((self.ends[:-1] + self.starts[1:]) / 2.0, times)
         stretch = np.minimum(stretch, len(self.starts) - 1)
         place = (times - self.starts[stretch]) / self._step + MARGIN_NODES
         first_nodes = self._nodes[stretch]
         last = self._nodes[stretch + 1] - first_nodes - 2
         node = np.clip(np.floor(np.nan_to_num(place)), 0, last)
-        fraction = (place - node).clip(0.0, 1.0)
-        powers = fraction[:, None] ** np.arange(2 * ORDER)
+        powers = (place - node).clip(0.0, 1.0)[:, None] ** np.arange(2 * ORDER)
         slopes = np.arange(2 * ORDER) * np.roll(powers, 1, axis=1) / self._step
         columns = ORDER * (first_nodes + node.astype(int))[:, None] + np.arange(2 * ORDER)
         shape = len(times), ORDER * int(self._nodes[-1])
         pointers = np.arange(0, columns.size + 1, 2 * ORDER)
-        weights = []
-        for polynomials in (powers @ HERMITE.T, slopes @ HERMITE.T):
-            weights.append(csr_array((polynomials.ravel(), columns.ravel(), pointers), shape))
-        bridge = (fraction * (1.0 - fraction)) ** 5 / 20.0
-        return Moments(weights[0], weights[1], bridge)
+        angle = csr_array(((powers @ HERMITE.T).ravel(), columns.ravel(), pointers), shape)
+        rate = csr_array(((slopes @ HERMITE.T).ravel(), columns.ravel(), pointers), shape)
+        return angle, rate
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions [rad] and rates [rad/s] at times [s], shape (n,)."""
-        moments = self.moments(times)
-        return moments.angle @ self.states, moments.rate @ self.states
+        angle, rate = self.weights(times)
+        return angle @ self.states, rate @ self.states
+
+    def variances(self, times: FloatArray) -> FloatArray:
+        """Return the variances of the angles at times [s], by random motions [rad^2]."""
+        return np.asarray(np.mean((self.weights(times)[0] @ self._random_states) ** 2, axis=1))
 
     def knows(self, times: FloatArray) -> BoolArray:
         """Return which times are in no gap, and at most a period beyond the ends."""
@@ -176,11 +163,6 @@ class CrankMotion:
             times.append(start + self._step * (np.arange(count) - MARGIN_NODES))
         return np.repeat(np.concatenate(times), ORDER)
 
-    def errors(self, moments: Moments) -> FloatArray:
-        """Return random errors of the angles with the motion's covariance, shape (n, many)."""
-        errors: FloatArray = moments.angle @ self._random_states
-        return errors + np.sqrt(self.density * moments.bridge)[:, None]
-
 
 class CrankWhitening:
     """
@@ -194,12 +176,12 @@ class CrankWhitening:
     that of the whitened numbers.
     """
 
-    def __init__(self, motion: CrankMotion, moments: Moments, slopes: FloatArray) -> None:
+    def __init__(self, motion: CrankMotion, times: FloatArray, slopes: FloatArray) -> None:
         from scipy.sparse import dia_array, diags_array  # noqa: PLC0415
 
         width, count = motion.factor.shape
         self._root = dia_array((motion.factor, -np.arange(width)), shape=(count, count)).T
-        self._by_states = diags_array(slopes) @ moments.angle
+        self._by_states = diags_array(slopes) @ motion.weights(times)[0]
         information = self._root.T @ self._root + self._by_states.T @ self._by_states
         self._factor = banded_factor(information)
 
@@ -208,9 +190,9 @@ class CrankWhitening:
         motions = solved(self._factor, self._by_states.T @ columns)
         return np.vstack([columns - self._by_states @ motions, self._root @ motions])
 
-    def errors(self) -> FloatArray:
-        """Return random errors of v e after the numbers are known, shape (n, many)."""
-        return np.asarray(self._by_states @ random_states(self._factor))
+    def variances(self) -> FloatArray:
+        """Return the variances of v e after the numbers are known, shape (n,)."""
+        return np.asarray(np.mean((self._by_states @ random_states(self._factor)) ** 2, axis=1))
 
     @property
     def log_determinant(self) -> float:

@@ -175,8 +175,7 @@ class Problem:
         is_known: BoolArray = np.ones(len(self.owners), bool)
         if self.model.has_encoder:
             times = self.delayed_times(fit.y)
-            errors = rows.slopes[:, None] * self.motion.errors(self.motion.moments(times))
-            variance = variance + np.mean(errors**2, axis=1)
+            variance = variance + rows.slopes**2 * self.motion.variances(times)
             is_known = self.motion.knows(times)
         is_outlier = ~(np.abs(rows.residuals) < OUTLIER_GATE * np.sqrt(variance)) | ~is_known
         is_inlier: BoolArray = ~np.isin(self.samples, self.samples[is_outlier])
@@ -227,21 +226,19 @@ class Problem:
         self, y: FloatArray, is_used: BoolArray, motion: CrankMotion | None = None
     ) -> Fit:
         """Return a fit with the noise of its residuals: stated, or estimated."""
+        fit = self.with_robust_noise(y, is_used)
         if not self.model.has_encoder:
-            fit = self.with_robust_noise(y, is_used)._replace(crank_noise=UNKNOWN_CRANK)
-            return self._with_refined_noise(fit)
+            return self._with_refined_noise(fit._replace(crank_noise=UNKNOWN_CRANK))
         motion = motion or self.motion
-        owners = self._checked_owners(is_used)
-        counts = np.bincount(owners, minlength=len(self.measured))
+        owners = self.owners[is_used]
+        counts = np.bincount(owners)
         rows = self.rows(y)
         slopes = rows.slopes[is_used] ** 2
-        moments = motion.moments(self.delayed_times(y)[is_used])
-        motion_squares = slopes * np.mean(motion.errors(moments) ** 2, axis=1)
+        motion_squares = slopes * motion.variances(self.delayed_times(y)[is_used])
         squares = rows.residuals[is_used] ** 2
         variances = np.maximum(np.bincount(owners, squares) / counts, 1e-18)
         squares = squares - motion_squares
         mean_slopes = np.bincount(owners, slopes) / counts
-        crank_noise = 0.0
         if self._crank_noise is None:
             # The excess of residuals where the path is fast: a line over the squared slopes, by
             # weights of squared normal numbers, whose variance is 2 sigma^4.
@@ -250,8 +247,7 @@ class Problem:
             weight = float(weights @ centred)
             excess = float(weights @ squares)
             is_visible = weight > 0.0 and excess > MIN_CRANK_NOISE * sqrt(weight)
-            crank_noise = sqrt(excess / weight) if is_visible else 0.0
-        fit = self.with_robust_noise(y, is_used)._replace(crank_noise=crank_noise)
+            fit = fit._replace(crank_noise=sqrt(excess / weight) if is_visible else 0.0)
         motion_chi2 = float((motion_squares / fit.sigmas[owners] ** 2).sum())
         if motion_chi2 > MAX_MOTION_CHI2:
             fit = fit._replace(motion=motion)
@@ -274,8 +270,7 @@ class Problem:
         """Return the error of the crank angle between samples that miss its motion; else 0."""
         if fit.motion is None:
             return 0.0
-        moments = fit.motion.moments(self.delayed_times(fit.y)[fit.is_used])
-        variances = np.mean(fit.motion.errors(moments) ** 2, axis=1)
+        variances = fit.motion.variances(self.delayed_times(fit.y)[fit.is_used])
         slopes = self.rows(fit.y).slopes[fit.is_used] / fit.sigmas[self.owners][fit.is_used]
         deviation = float(np.mean(variances)) ** 0.5
         is_visible = float(variances @ slopes**2) > MIN_GAP_CHI2 * len(slopes)
@@ -323,11 +318,10 @@ class Whitening:
         self._offsets: FloatArray = np.zeros(len(slopes))
         if fit.motion is not None:
             delayed_times = problem.delayed_times(fit.y)[is_used]
-            moments = fit.motion.moments(delayed_times)
             change = fit.motion.at(delayed_times)[0] - problem.motion.at(delayed_times)[0]
             self._offsets = problem.model.direction * slopes * self._sigma * change
             white_slopes = self._without_crank_noise(slopes[:, None])[:, 0]
-            self._motion = CrankWhitening(fit.motion, moments, white_slopes)
+            self._motion = CrankWhitening(fit.motion, delayed_times, white_slopes)
             self.times = np.concatenate([self.times, fit.motion.state_times])
 
     def __call__(self, columns: FloatArray) -> FloatArray:
@@ -346,7 +340,7 @@ class Whitening:
         """Return the mean squares of the whitened residuals of the used rows."""
         if self._motion is None:
             return self._freedom
-        return np.asarray(self._freedom - np.mean(self._motion.errors() ** 2, axis=1))
+        return self._freedom - self._motion.variances()
 
     def deviance(self, residuals: FloatArray) -> float:
         """Return -2 times the logarithm of the likelihood of the residuals."""

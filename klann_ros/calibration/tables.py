@@ -1,8 +1,8 @@
 """Measurements from a table: of a logger, a spreadsheet or a video analysis."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 import csv
-from itertools import permutations
 from math import radians
 import re
 from typing import NamedTuple
@@ -62,10 +62,15 @@ def load_table(
     for role, name in options.columns.items():
         by_role[role] = _column(path, columns, name)
     requested = {request.name: request.topic for request in requests}
-    named = {_quantity(role) for role in by_role} - {'', 'time', 'frame', 'crank'}
-    names = [*requested] or sorted(named & _quantities(leg))
+    roles = {role.removesuffix('.x').removesuffix('.y') for role in by_role}
+    roles -= {'', 'time', 'frame', 'crank'}
+    names = [*requested]
+    for name in () if requests else sorted(roles):
+        with suppress(MeasurementError):
+            kind_of(leg.linkage, name)
+            names.append(name)
     if not names:
-        for name in sorted(named):
+        for name in sorted(roles):
             kind_of(leg.linkage, name)
         raise MeasurementError(
             f'{printable(path)} has no column of a point, as H.x: there are '
@@ -87,19 +92,9 @@ def load_table(
     crank = by_role.get('crank')
     unit = (crank and crank.unit) or options.angle_unit
     measured, notes = paired(leg, quantities, crank and (times, crank.numbers), unit)
-    unused = [] if requests else sorted(named - {*names})
-    return Loaded(measured, [*notes, *[f'not used: column {printable(name)}' for name in unused]])
-
-
-def _quantity(role: str) -> str:
-    return role.removesuffix('.x').removesuffix('.y')
-
-
-def _quantities(leg: RobotLeg) -> set[str]:
-    """Return the names of points, angles and distances of a leg."""
-    structure = leg.linkage.structure
-    distances = {'-'.join(pair) for pair in permutations(structure.points, 2)}
-    return {*structure.points, *structure.angles[1:], *distances}
+    for name in () if requests else sorted(roles - {*names}):
+        notes.append(f'not used: column {printable(name)}')
+    return Loaded(measured, notes)
 
 
 def _times(
@@ -142,7 +137,8 @@ def _columns(path: str, leg: RobotLeg) -> list[Column]:
     rows: list[list[float]] = []
     lines = decoded_text(path, MeasurementError, MAX_TABLE_SIZE).splitlines()
     lines = ['' if line.startswith('sep=') else line for line in lines]
-    delimiter = _delimiter(lines)
+    first = next((line for line in lines if line.strip() and not line.startswith(COMMENTS)), ',')
+    delimiter = next((mark for mark in ';\t,' if mark in first), ' ')
     # Between commas a comma may group thousands.
     comma = ',' if delimiter == ',' else '.'
     for n, line in enumerate(lines):
@@ -170,14 +166,6 @@ def _columns(path: str, leg: RobotLeg) -> list[Column]:
         role, unit = _role(names[n], leg)
         columns.append(Column(names[n] or str(n + 1), role, unit, numbers))
     return columns
-
-
-def _delimiter(lines: Sequence[str]) -> str:
-    """Return the delimiter of the first line that is no comment; a space for any of them."""
-    for line in lines:
-        if line.strip() and not line.startswith(COMMENTS):
-            return next((mark for mark in ';\t,' if mark in line), ' ')
-    return ','
 
 
 def _cells(line: str, delimiter: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 import math
 
-from klann_ros.calibration.crank import CrankMotion, CrankWhitening, Moments
+from klann_ros.calibration.crank import CrankMotion, CrankWhitening
 import numpy as np
 import pytest
 
@@ -24,13 +24,13 @@ def random_motion(seed: int, step: float, count: int) -> np.ndarray:
     return angles
 
 
-def covariance(motion: CrankMotion, moments: Moments) -> np.ndarray:
-    """Return the covariance of the states at moments, by the dense inverse of the information."""
+def covariance(motion: CrankMotion, times: np.ndarray) -> np.ndarray:
+    """Return the covariance of the angles at times, by the dense inverse of the information."""
     width, count = motion.factor.shape
     root = np.zeros((count, count))
     for n in range(width):
         root += np.diag(motion.factor[n, : count - n], -n)
-    weights = moments.angle.toarray()
+    weights = motion.weights(times)[0].toarray()
     return np.array(weights @ np.linalg.inv(root @ root.T) @ weights.T)
 
 
@@ -72,7 +72,7 @@ def test_errors_between_samples_are_as_large_as_their_covariance(noise: float) -
         measured = angles[samples] + np.random.default_rng(seed).normal(0.0, noise, len(samples))
         motion = CrankMotion(0.01 * samples, measured)
         times = 0.01 * np.arange(50, 900, 7)
-        variances.append(motion.errors(motion.moments(times)) ** 2)
+        variances.append(motion.variances(times))
         squares.append((motion.at(times)[0] - angles[50:900:7]) ** 2)
     # Without noise the samples leave it open whether there is any.
     assert 0.6 < np.sqrt(np.mean(squares) / np.mean(variances)) < 1.25
@@ -92,28 +92,27 @@ def test_whitened_numbers_have_the_square_of_the_dense_covariance() -> None:
     samples = np.arange(0.0, 3.0, 0.1)
     rng = np.random.default_rng(4)
     motion = CrankMotion(samples, uneven(samples) + rng.normal(0.0, 1e-2, len(samples)))
-    moments = motion.moments(np.sort(rng.uniform(0.0, 2.9, 40)))
+    times = np.sort(rng.uniform(0.0, 2.9, 40))
     slopes = rng.normal(0.0, 300.0, 40)
     numbers = rng.standard_normal((40, 3))
-    dense = np.eye(40) + np.outer(slopes, slopes) * covariance(motion, moments)
-    whitening = CrankWhitening(motion, moments, slopes)
+    dense = np.eye(40) + np.outer(slopes, slopes) * covariance(motion, times)
+    whitening = CrankWhitening(motion, times, slopes)
     whitened = whitening(numbers)
     np.testing.assert_allclose(
         whitened.T @ whitened, numbers.T @ np.linalg.solve(dense, numbers), rtol=1e-6, atol=1e-9
     )
     assert whitening.log_determinant == pytest.approx(np.linalg.slogdet(dense)[1], rel=1e-6)
     # What the errors have after the numbers are known.
-    shares = np.mean(whitening.errors() ** 2, axis=1)
     expected = np.diag(dense - np.eye(40)) - np.diag(
         (dense - np.eye(40)) @ np.linalg.solve(dense, dense - np.eye(40))
     )
-    assert shares.sum() == pytest.approx(expected.sum(), rel=0.1)
+    assert whitening.variances().sum() == pytest.approx(expected.sum(), rel=0.1)
 
 
-def test_random_errors_have_the_covariance_of_the_motion() -> None:
+def test_variances_are_those_of_the_dense_covariance() -> None:
     samples = np.arange(0.0, 3.0, 0.1)
     noise = np.random.default_rng(5).normal(0.0, 1e-2, len(samples))
     motion = CrankMotion(samples, uneven(samples) + noise)
-    moments = motion.moments(np.linspace(0.0, 2.9, 200))
-    variances = np.diag(covariance(motion, moments)) + motion.density * moments.bridge
-    assert np.mean(motion.errors(moments) ** 2) == pytest.approx(variances.mean(), rel=0.2)
+    times = np.linspace(0.0, 2.9, 200)
+    expected = np.diag(covariance(motion, times)).mean()
+    assert motion.variances(times).mean() == pytest.approx(expected, rel=0.2)
