@@ -31,7 +31,7 @@ TOLERANCE = 1e-9
 ITERATIONS = 6
 # Steps of the poses before a change point, which lead across it [rad], their number, and the
 # largest error of the pose beyond it and of its derivative [rad, size].
-CROSSING_STEP = 0.01
+CROSSING_STEP = 0.002
 CROSSING_NODES = 8
 MAX_CROSSING_ERROR = 1e-4
 MAX_RATE_ERROR = 1e-2

@@ -3,7 +3,7 @@
 from typing import Any
 
 from change_point_linkages import change_point_file, FEET, resting_parallelogram
-from klann_ros.kinematics import linkage_from_text, linkage_poses
+from klann_ros.kinematics import GeometryError, linkage_from_text, linkage_poses
 from lab_solver import in_node, NODE
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ TURN = 2.0 * np.pi
 # Ten turns both ways, the change points among the angles, and beside these.
 BESIDE = [0.0, 1e-9, 1e-6, 1e-3, 4.9e-3, 5.1e-3]
 POINTS = np.arange(-40, 41)[:, None] * TURN / 4.0 + np.array(BESIDE + [-b for b in BESIDE])
-ALPHAS = np.concatenate([np.linspace(-10.0, 10.0, 2001) * TURN, POINTS.ravel()])
+ALPHAS = np.concatenate([np.linspace(-10.0, 10.0, 801) * TURN, POINTS.ravel()])
 SCRIPT = """
 function poses(linkage, alphas) {
   const { structure, changes } = linkage;
@@ -167,3 +167,51 @@ def test_random_chains_have_the_change_points_and_feet_of_python() -> None:
         assert np.nanmax(np.abs(found - expected)) <= 1e-11 * linkage.size
         further += len({block for block, _ in theirs}) > 1
     assert further >= 5
+
+
+COUPLED = """
+function answer({ texts, alphas }) {
+  return texts.map((text) => {
+    try {
+      const { linkage } = readFile(text, text);
+      const foot = linkage.structure.points.indexOf(linkage.structure.foot);
+      const at = (alpha) => (poseAt(linkage, alpha).points || { [foot]: [null, null] })[foot];
+      const { points } = linkage.changes;
+      return { arc: linkage.branch.arc, points: points.length, feet: alphas.map(at) };
+    } catch (error) {
+      if (!(error instanceof Refusal)) throw error;
+      return { refused: error.message };
+    }
+  });
+}
+"""
+
+
+def test_coupled_loops_pass_change_points_and_end_as_those_of_python() -> None:
+    """Of other lengths they end at singular poses, pass them, or are back as another pose."""
+    rng = np.random.default_rng(5)
+    alphas = rng.uniform(-20.0, 20.0, 30)
+    base = change_point_file('coupled_parallelogram').read_text(encoding='utf-8')
+    texts = []
+    for n in range(10):
+        text = base.replace('F, length: 80', f'F, length: {rng.integers(60, 95)}')
+        text = text.replace('E: [80, 60]', f'E: [{rng.integers(60, 90)}, {rng.integers(50, 70)}]')
+        # A parallelogram no more: there is no change point.
+        length = 70.0 + rng.uniform(-3.0, 3.0) if n % 2 else 70.0
+        texts.append(text.replace('D, length: 70}', f'D, length: {length}}}'))
+    outcomes = set()
+    answers = in_node(COUPLED, {'texts': texts, 'alphas': alphas.tolist()})
+    for text, answer in zip(texts, answers, strict=True):
+        try:
+            linkage = linkage_from_text(text, 'coupled')
+            branch = linkage.branch
+        except GeometryError:
+            assert 'refused' in answer
+            continue
+        assert answer['arc'] == pytest.approx(branch.arc, abs=1e-9)
+        assert answer['points'] == len(linkage.change_points.points)
+        expected = linkage_poses(linkage, alphas).h @ [1.0, 1j]
+        np.testing.assert_array_equal(np.isnan(feet(answer)), np.isnan(expected))
+        assert np.nanmax(np.abs(feet(answer) - expected)) <= 1e-12
+        outcomes.add((answer['points'] > 0, branch.arc == (0.0, TURN)))
+    assert outcomes >= {(True, True), (False, False)}

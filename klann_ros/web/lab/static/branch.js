@@ -75,14 +75,18 @@ class Branch {
     if (!this.isClosed(rows)) {
       this.period = 1;
       const back = this.follow([first], -1).slice(1).reverse();
-      rows = oneTurn([...back, ...rows], linkage.start[0]);
+      rows = [...back, ...rows];
     }
     this.rows = rows;
     this.first = rows[0].x[0];
     this.last = rows.at(-1).x[0];
     this.isTurn = this.isClosed(rows);
     this.changes = this.changes.filter(({ alpha }) => this.first <= alpha && alpha <= this.last);
-    this.checkSeam();
+    refuseUnless(
+      this.isTurn || this.last - this.first < TAU,
+      'its coupled loops are not back where they were after a turn of the crank: one crank angle has two poses, and such a linkage is not solved',
+      'as suas malhas acopladas não voltam ao mesmo lugar após uma volta da manivela: um ângulo tem duas posições, e tal mecanismo não é resolvido',
+    );
   }
 
   get arc() {
@@ -180,32 +184,10 @@ class Branch {
     const back = predict(end, start.x[0] + length - end.x[0]);
     return poseDistance(this.linkage, back, start.x) <= MAX_BRANCH_JUMP;
   }
-
-  checkSeam() {
-    if (this.isTurn || this.last - this.first < TAU - 2 * BRANCH_STEP) return;
-    try {
-      this.x(this.first + 2 * BRANCH_STEP);
-      this.x(this.last - 2 * BRANCH_STEP);
-    } catch (error) {
-      if (error instanceof LoopsOpen) return;
-      throw error;
-    }
-    throw new Refusal(
-      'its coupled loops are not back where they were after a turn of the crank: one crank angle has two poses, and such a linkage is not solved',
-      'as suas malhas acopladas não voltam ao mesmo lugar após uma volta da manivela: um ângulo tem duas posições, e tal mecanismo não é resolvido',
-    );
-  }
 }
 
 function predict({ x, rates }, step) {
   return x.map((value, j) => value + step * (j ? rates[j - 1] : 1));
-}
-
-function oneTurn(rows, start) {
-  const [low, high] = [rows[0].x[0], rows.at(-1).x[0]];
-  if (high - low < TAU) return rows;
-  const first = Math.min(Math.max(low, start - Math.PI), high - TAU);
-  return rows.filter(({ x }) => first <= x[0] && x[0] <= first + TAU);
 }
 
 /** Return the coordinates, or their rates, of the cubic through two poses and their rates. */
