@@ -163,7 +163,7 @@ class Dynamics:
     def kinetic_energy(self, alphas: ArrayLike, alpha_rate: ArrayLike) -> FloatArray:
         """Return the energy of motion at crank angles and rates, shape (k,) [J]."""
         inertia, _ = self.reduced_inertia(alphas)
-        (rate,) = _rates(inertia.size, alpha_rate=alpha_rate)
+        rate, _ = _rates(inertia.size, alpha_rate)
         energy: FloatArray = inertia * rate**2 / 2.0
         return energy
 
@@ -195,8 +195,7 @@ class Dynamics:
 
         """
         moving = body_motion(self.linkage, alphas)
-        motion = {'alpha_rate': alpha_rate, 'alpha_acceleration': alpha_acceleration}
-        rate, acceleration = _rates(moving.alphas.size, **motion)
+        rate, acceleration = _rates(moving.alphas.size, alpha_rate, alpha_acceleration)
         inertia, steady = self._inertia_and_torque(moving, rate)
         torque = inertia * acceleration + steady
         for point, force in self._loads(loads).items():
@@ -230,8 +229,7 @@ class Dynamics:
             deflection = torsion_spring.deflection(self.linkage.structure, moving.u)
             moment = torsion_spring.stiffness * deflection
             moments += [(first, moment), (second, -moment)]
-        motion = {'alpha_rate': alpha_rate, 'alpha_acceleration': alpha_acceleration}
-        rate, acceleration = _rates(moving.alphas.size, **motion)
+        rate, acceleration = _rates(moving.alphas.size, alpha_rate, alpha_acceleration)
         rates = rate, acceleration
         return reactions(moving, self.masses.bodies, rates, self.gravity, forces, moments)
 
@@ -311,10 +309,10 @@ class Dynamics:
         return vectors
 
 
-def _rates(count: int, **rates: ArrayLike) -> list[FloatArray]:
+def _rates(count: int, rate: ArrayLike, acceleration: ArrayLike = 0.0) -> list[FloatArray]:
     """Return rates of the crank as arrays, one number or `count` each; a ValueError if not."""
     arrays = []
-    for name, numbers in rates.items():
+    for name, numbers in (('alpha_rate', rate), ('alpha_acceleration', acceleration)):
         arrays.append(np.asarray(real_array(name, numbers), dtype=np.float64))
         if arrays[-1].shape not in {(), (1,), (count,)}:
             raise ValueError(f'{name} is refused: its shape must be () or ({count},)')
