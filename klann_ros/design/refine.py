@@ -10,7 +10,7 @@ from klann_ros.kinematics.arrays import AnyArray, ComplexArray, FloatArray
 import numpy as np
 
 from .evolve import Scores, variant_scores
-from .figures import CANDIDATE_ANGLES, crank_angles
+from .figures import crank_angles
 from .requirements import Requirements
 from .space import Space
 from .target import Target
@@ -18,8 +18,8 @@ from .target import Target
 MAX_STEPS = 100
 # Steps towards limits alone.
 MAX_LIMIT_STEPS = 40
-# Crank angles by which the length of a path is measured, and a point nearest to another is sought.
-PATH_ANGLES, NEAREST_ANGLES = 360, 1024
+# Crank angles by which the length of a path is measured, and the nearest point of it is sought.
+PATH_ANGLES, NEAREST_ANGLES = 360, 4096
 # Newton steps of crank angles on a path.
 CORRECTIONS = 3
 # A step that improves by a smaller part is the last one.
@@ -130,21 +130,16 @@ def point_error(target: Target, linkage: Linkage) -> float:
     # It takes half a second to load.
     from scipy.spatial import KDTree  # noqa: PLC0415
 
-    grid = crank_angles(NEAREST_ANGLES)
-    grid_poses = linkage_poses(linkage, grid)
-    if grid_poses.reason.any():
+    turn: Any = linkage_poses(linkage, crank_angles(NEAREST_ANGLES), velocities=True)
+    if turn.reason.any():
         return float('inf')
     points = np.column_stack([target.points.real, target.points.imag])
-    alphas = grid[KDTree(grid_poses.h).query(points)[1]]
-    distances = np.empty(len(points))
-    for _ in range(CORRECTIONS):
-        poses: Any = linkage_poses(linkage, alphas, velocities=True)
-        gap = target.points - _complex(poses.h)
-        distances = np.abs(gap)
-        rate = _complex(poses.h_1)
-        step = (np.conj(rate) * gap).real / np.maximum(np.abs(rate) ** 2, 1e-30)
-        alphas = alphas + np.clip(step, -TURN / NEAREST_ANGLES, TURN / NEAREST_ANGLES)
-    return float(np.sqrt((distances**2).mean()))
+    nearest = KDTree(turn.h).query(points)[1]
+    rates = _complex(turn.h_1[nearest])
+    gap = target.points - _complex(turn.h[nearest])
+    # The distance from the tangent there.
+    across = (np.conj(rates) * gap).imag / np.maximum(np.abs(rates), 1e-12)
+    return float(np.sqrt((across**2).mean()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,66 +283,61 @@ def _least_squares(fit: _Fit, start: _Point) -> _Point:
 def _foot_samples(
     target: Target, leg: Linkage, offset: float, sense: float, *, has_gradients: bool = False
 ) -> _FootSamples | None:
-    """Return the feet that correspond to a target's samples; None if the leg does not turn."""
-    count = len(target.samples)
-    fractions = offset + sense * np.arange(count) / count
-    if target.is_timed:
-        alphas = TURN * fractions
-        # The leg must turn between the points, too.
-        if linkage_poses(leg, crank_angles(CANDIDATE_ANGLES)).reason.any():
-            return None
-        poses: Any = linkage_poses(leg, alphas, velocities=True, gradients=has_gradients)
-        if poses.reason.any():
-            return None
-        by_numbers = np.empty((count, 0), dtype=np.complex128)
-        if has_gradients:
-            by_numbers = _complex(poses.h_gradient, axis=1)
-        return _FootSamples(_complex(poses.h), TURN * _complex(poses.h_1), by_numbers)
-    return _samples_by_length(leg, np.remainder(fractions, 1.0), has_gradients=has_gradients)
-
-
-def _samples_by_length(
-    leg: Linkage, fractions: FloatArray, *, has_gradients: bool
-) -> _FootSamples | None:
     """
-    Return the feet at fractions of the path's length; None if the leg does not turn.
+    Return the feet that correspond to a target's samples; None if the leg does not turn.
 
+    With timing they are at equal steps of the crank; without, at equal steps of the path's length.
     With the length s(alpha) from the crank angle 0, S of the whole path and the unit tangent t,
     the foot at s = f S moves by dh/dx + t (f dS/dx - ds/dx) with a dimension x.
     """
-    from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415 - see `_least_squares`
-
-    grid = crank_angles(PATH_ANGLES)
-    poses: Any = linkage_poses(leg, grid, velocities=True, gradients=has_gradients)
+    count = len(target.samples)
+    fractions = np.remainder(offset + sense * np.arange(count) / count, 1.0)
+    angles = crank_angles(PATH_ANGLES)
+    has_stretch = has_gradients and not target.is_timed
+    turn: Any = linkage_poses(leg, angles, velocities=True, gradients=has_stretch)
+    # It must turn between the samples, too.
+    if turn.reason.any():
+        return None
+    rates = _complex(turn.h_1)
+    speeds = np.abs(rates)
+    lengths = _integral(speeds)
+    alphas = TURN * fractions if target.is_timed else _angles_at(fractions, speeds, lengths)
+    poses: Any = linkage_poses(leg, alphas, velocities=True, gradients=has_gradients)
     if poses.reason.any():
         return None
-    rate = _complex(poses.h_1)
-    speed = np.abs(rate)
-    lengths = _integral(speed)
-    ends = np.append(grid, TURN)
-    length_at = CubicHermiteSpline(ends, lengths, np.append(speed, speed[0]))
+    by_offset = TURN * _complex(poses.h_1)
+    by_numbers = np.empty((count, 0), dtype=np.complex128)
+    if has_gradients:
+        by_numbers = _complex(poses.h_gradient, axis=1)
+    if target.is_timed:
+        return _FootSamples(_complex(poses.h), by_offset, by_numbers)
+    slowest = MIN_GAIN * lengths[-1]
+    tangents = by_offset / np.maximum(np.abs(by_offset), slowest)
+    if has_gradients:
+        turn_tangents = rates / np.maximum(speeds, slowest)
+        stretch = np.conj(turn_tangents)[:, None] * _complex(turn.h_1_gradient, axis=1)
+        stretches = _integral(stretch.real)
+        places = alphas / TURN * PATH_ANGLES
+        index = np.clip(places.astype(np.intp), 0, PATH_ANGLES - 1)
+        share = (places - index)[:, None]
+        along = stretches[index] + share * (stretches[index + 1] - stretches[index])
+        by_numbers += tangents[:, None] * (fractions[:, None] * stretches[-1] - along)
+    return _FootSamples(_complex(poses.h), lengths[-1] * tangents, by_numbers)
+
+
+def _angles_at(fractions: FloatArray, speeds: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Return the crank angles at fractions of a path's length, from its speeds over a turn."""
+    from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415 - see `_least_squares`
+
+    ends = crank_angles(PATH_ANGLES + 1) * ((PATH_ANGLES + 1) / PATH_ANGLES)
+    length_at = CubicHermiteSpline(ends, lengths, np.append(speeds, speeds[0]))
     wanted = fractions * lengths[-1]
     alphas = np.interp(wanted, lengths, ends)
-    slowest = MIN_GAIN * lengths[-1]
     for _ in range(CORRECTIONS):
-        step = (wanted - length_at(alphas)) / np.maximum(length_at(alphas, 1), slowest)
+        slopes = np.maximum(length_at(alphas, 1), MIN_GAIN * lengths[-1])
+        step = (wanted - length_at(alphas)) / slopes
         alphas = alphas + np.clip(step, -TURN / PATH_ANGLES, TURN / PATH_ANGLES)
-    at_samples: Any = linkage_poses(leg, alphas, velocities=True, gradients=has_gradients)
-    if at_samples.reason.any():
-        return None
-    sample_rate = _complex(at_samples.h_1)
-    tangent = sample_rate / np.maximum(np.abs(sample_rate), slowest)
-    by_numbers = np.empty((len(fractions), 0), dtype=np.complex128)
-    if has_gradients:
-        tangents = rate / np.maximum(speed, slowest)
-        stretch = (np.conj(tangents)[:, None] * _complex(poses.h_1_gradient, axis=1)).real
-        stretches = _integral(stretch)
-        index = np.clip((alphas / TURN * PATH_ANGLES).astype(np.intp), 0, PATH_ANGLES - 1)
-        share = (alphas / TURN * PATH_ANGLES - index)[:, None]
-        along = stretches[index] + share * (stretches[index + 1] - stretches[index])
-        shift = fractions[:, None] * stretches[-1] - along
-        by_numbers = _complex(at_samples.h_gradient, axis=1) + tangent[:, None] * shift
-    return _FootSamples(_complex(at_samples.h), lengths[-1] * tangent, by_numbers)
+    return np.asarray(alphas, dtype=np.float64)
 
 
 def _complex(vectors: FloatArray, axis: int = -1) -> ComplexArray:
