@@ -97,6 +97,8 @@ def _side(z: Any, start: Any, end: Any) -> Any:
 def _distance(z: Any, start: Any, end: Any) -> Any:
     """Return the distance of points from segments [m]."""
     line = end - start
-    square = np.where(line == 0.0, 1.0, np.abs(line) ** 2)
-    along = np.clip((np.conj(line) * (z - start)).real / square, 0.0, 1.0)
+    square = np.abs(line) ** 2
+    # A square that underflows is that of a point.
+    share = (np.conj(line) * (z - start)).real / np.where(square == 0.0, 1.0, square)
+    along = np.clip(share, 0.0, 1.0)
     return np.abs(z - start - along * line)
