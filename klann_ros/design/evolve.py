@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import linkage_poses, Variants
-from klann_ros.kinematics.arrays import FloatArray, IndexArray
+from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray
 import numpy as np
 
 from .figures import CANDIDATE_ANGLES, crank_angles, judge
@@ -99,16 +99,31 @@ def variant_scores(requirements: Requirements, variants: Variants) -> Scores:
     return Scores(loss_table, np.nan_to_num(np.array(violations), nan=WORST_VIOLATION).T, figures)
 
 
-class Population(NamedTuple):
-    """Candidates, x of shape (p, d), and their scores; `judged` others were judged for it."""
+class IslandScores(NamedTuple):
+    """
+    The number of an island, its candidates of shape (n, d), and their scores.
 
+    `judged` is the number of candidates that were judged for them.
+    """
+
+    island: int
     x: FloatArray
     scores: Scores
     judged: int = 0
 
-    def of(self, candidates: IndexArray) -> 'Population':
+    @property
+    def holds(self) -> BoolArray:
+        """Return whether each candidate holds all limits."""
+        return np.asarray(self.scores.total <= 0.0)
+
+    @property
+    def turns(self) -> BoolArray:
+        """Return whether each candidate turns."""
+        return np.asarray(self.scores.violations[:, 0] <= 0.0)
+
+    def of(self, candidates: IndexArray) -> 'IslandScores':
         """Return some of its candidates."""
-        return Population(self.x[candidates], self.scores.of(candidates), self.judged)
+        return self._replace(x=self.x[candidates], scores=self.scores.of(candidates))
 
 
 class Island(NamedTuple):
@@ -118,13 +133,14 @@ class Island(NamedTuple):
     Its requirements have its space alone. At most `evaluations` candidates are judged.
     """
 
+    number: int
     requirements: Requirements
-    population: Population | None
+    population: IslandScores | None
     seed: tuple[int, ...]
     evaluations: int
 
 
-def evolve(island: Island) -> Population:
+def evolve(island: Island) -> IslandScores:
     """Return the population of an island after its evaluations."""
     requirements = island.requirements
     (space,) = requirements.spaces
@@ -135,7 +151,7 @@ def evolve(island: Island) -> Population:
         sampled_count = min(POPULATION * SAMPLES_PER_CANDIDATE, island.evaluations)
         x = space.sample(random, sampled_count)
         sampled = scores(requirements, space, x)
-        population = Population(x, sampled).of(_chosen(sampled))
+        population = IslandScores(island.number, x, sampled).of(_chosen(sampled))
     generations = (island.evaluations - sampled_count) // len(population.x)
     if generations > 0:
         population = _evolve_generations(requirements, population, random, generations)
@@ -156,15 +172,15 @@ def _chosen(sampled: Scores) -> IndexArray:
 
 def _evolve_generations(
     requirements: Requirements,
-    population: Population,
+    population: IslandScores,
     random: np.random.Generator,
     generations: int,
-) -> Population:
+) -> IslandScores:
     """Return a population after some generations, by one aim or by several."""
     # It takes a second to load, and only a search needs it.
     from pymoo.algorithms.moo.nsga2 import NSGA2  # noqa: PLC0415
     from pymoo.algorithms.soo.nonconvex.de import DE  # noqa: PLC0415
-    from pymoo.core import population as pymoo_population  # noqa: PLC0415
+    from pymoo.core.population import Population  # noqa: PLC0415
     from pymoo.core.problem import Problem  # noqa: PLC0415
     from pymoo.optimize import minimize  # noqa: PLC0415
 
@@ -186,11 +202,9 @@ def _evolve_generations(
 
     problem = SearchProblem(n_var=dimension_count, n_obj=aims, n_ieq_constr=limits, xl=0, xu=1)
     # Its candidates are judged already.
-    start = pymoo_population.Population.new(
-        X=population.x,
-        F=population.scores.losses,
-        G=population.scores.violations,
-        place=np.arange(size),
+    first = population.scores
+    start = Population.new(
+        X=population.x, F=first.losses, G=first.violations, place=np.arange(size)
     )
     for individual in start:
         individual.evaluated.update('FGH')
@@ -202,7 +216,8 @@ def _evolve_generations(
     all_scores = joined(judged)
     places = optimum.pop.get('place').astype(np.intp)
     x = np.array(optimum.pop.get('X'), dtype=np.float64)
-    return Population(x, all_scores.of(places), len(all_scores.losses) - size)
+    judged_count = len(all_scores.losses) - size
+    return IslandScores(population.island, x, all_scores.of(places), judged_count)
 
 
 def spread(points: FloatArray, count: int) -> IndexArray:

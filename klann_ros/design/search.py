@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.engines import EngineError, parallel_map, TaskError
 from klann_ros.kinematics import GeometryError, Variants
-from klann_ros.kinematics.arrays import BoolArray, ComplexArray, FloatArray, IndexArray
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray, IndexArray
 from klann_ros.sanitize.text import counted
 import numpy as np
 
@@ -20,11 +20,10 @@ from .evolve import (
     evolve,
     hypervolume,
     Island,
+    IslandScores,
     joined,
     pareto_front,
     POPULATION,
-    Population,
-    Scores,
     scores,
     spread,
     variant_scores,
@@ -62,29 +61,6 @@ DROPPED = np.empty((0, 0))
 _ShapedCandidate: TypeAlias = tuple[FittedCandidate, ComplexArray]
 # Calls a function of each task in processes; returns the answers, in part CandidateRefusals.
 _Run: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
-
-
-class IslandScores(NamedTuple):
-    """The number of an island, its candidates of shape (n, d), and their scores."""
-
-    island: int
-    x: FloatArray
-    scores: Scores
-
-    @property
-    def population(self) -> Population:
-        """Return its candidates and their scores."""
-        return Population(self.x, self.scores)
-
-    @property
-    def holds(self) -> BoolArray:
-        """Return whether each candidate holds all limits."""
-        return np.asarray(self.scores.total <= 0.0)
-
-    @property
-    def turns(self) -> BoolArray:
-        """Return whether each candidate turns."""
-        return np.asarray(self.scores.violations[:, 0] <= 0.0)
 
 
 class Survivor(NamedTuple):
@@ -297,63 +273,61 @@ def _next_round(
     run: _Run,
 ) -> tuple[State, list[IslandScores]]:
     """Return the state after a round, and the scores of its populations."""
-    populations = {island.island: island.population for island in islands}
+    evolved = {island.island: island for island in islands}
     numbers = [n for n, x in enumerate(state.populations) if x is None or len(x)]
     tasks = []
     for n in numbers:
         # A worker needs the space of its island alone.
         own_requirements = replace(requirements, spaces=(requirements.space(n),))
         island_seed = (seed, state.rounds, n)
-        tasks.append(Island(own_requirements, populations.get(n), island_seed, share))
+        tasks.append(Island(n, own_requirements, evolved.get(n), island_seed, share))
     answers = run(evolve, tasks)
     refusals = [answer for answer in answers if isinstance(answer, CandidateRefusal)]
     if len(refusals) == len(answers):
         raise EngineError(f'the search failed: {refusals[0].reason}')
-    judged = 0
-    for n, answer in zip(numbers, answers, strict=True):
+    evaluations = state.evaluations
+    for answer in answers:
         # The population of an island whose worker died twice stays as it was.
-        if not isinstance(answer, CandidateRefusal):
-            populations[n] = answer
-            judged += answer.judged
-    populations = _migrated(requirements, populations)
-    islands = [IslandScores(n, *populations[n][:2]) for n in sorted(populations)]
-    all_x = [*state.populations]
+        if isinstance(answer, IslandScores):
+            evolved[answer.island] = answer
+            evaluations += answer.judged
+    islands = _migrated(requirements, evolved)
+    populations = [*state.populations]
     for island in islands:
-        all_x[island.island] = island.x
+        populations[island.island] = island.x
     state = state._replace(
-        rounds=state.rounds + 1,
-        evaluations=state.evaluations + judged,
-        populations=tuple(all_x),
+        rounds=state.rounds + 1, evaluations=evaluations, populations=tuple(populations)
     )
     state = _with_hypervolume(state, islands)
     if len(numbers) > ISLANDS and len(requirements.spaces) > ISLANDS:
         # The island of a space has its number.
         survivors = _better_half(state, islands)
-        for n in range(len(all_x)):
+        for n in range(len(populations)):
             if n not in survivors:
-                all_x[n] = DROPPED
-        state = state._replace(populations=tuple(all_x))
+                populations[n] = DROPPED
+        state = state._replace(populations=tuple(populations))
         islands = [island for island in islands if island.island in survivors]
     return state, islands
 
 
 def _migrated(
-    requirements: Requirements, populations: Mapping[int, Population]
-) -> dict[int, Population]:
-    """Return the populations, the worst of each replaced by the best of the one before it."""
+    requirements: Requirements, islands: Mapping[int, IslandScores]
+) -> list[IslandScores]:
+    """Return the islands, the worst of each replaced by the best of the one before it."""
     space_count = len(requirements.spaces)
-    island_count = max(ISLANDS, space_count)
-    ranked = {n: p.of(p.scores.order) for n, p in populations.items()}
-    migrated = dict(populations)
-    for n, population in ranked.items():
+    ranked = {n: islands[n].of(islands[n].scores.order) for n in sorted(islands)}
+    migrated = []
+    for n, island in ranked.items():
         # The islands of one space are a ring.
-        ring = range(n % space_count, island_count, space_count)
-        neighbour = ranked.get(n - space_count if n >= space_count else ring[-1], population)
-        if neighbour is not population:
-            old = population.of(np.arange(max(0, len(population.x) - MIGRANTS)))
-            new = neighbour.of(np.arange(min(MIGRANTS, len(population.x))))
-            x = np.concatenate([old.x, new.x])
-            migrated[n] = Population(x, joined([old.scores, new.scores]))
+        ring = range(n % space_count, max(ISLANDS, space_count), space_count)
+        neighbour = ranked.get(n - space_count if n >= space_count else ring[-1], island)
+        if neighbour is island:
+            migrated.append(islands[n])
+            continue
+        best = neighbour.of(np.arange(min(MIGRANTS, len(island.x))))
+        others = island.of(np.arange(len(island.x) - len(best.x)))
+        x = np.concatenate([others.x, best.x])
+        migrated.append(island._replace(x=x, scores=joined([others.scores, best.scores])))
     return migrated
 
 
