@@ -307,7 +307,9 @@ def _hypotheses(model: MeasurementModel, few: list[MeasuredSeries]) -> Iterator[
     mirrored = []
     for series in few:
         sign = (1, -1) if series.kind == 'point' else 1
-        mirrored.append(replace(series, values=series.values * sign))
+        # A tracked crank is mirrored as well.
+        crank = series.crank if model.has_encoder else -series.crank
+        mirrored.append(replace(series, values=series.values * sign, crank=crank))
     text = 'mirrored: x must point right and y up, as on the drawing'
     yield _Hypothesis(text, camera_model, mirrored)
     rates = np.concatenate([series.rate for series in few])

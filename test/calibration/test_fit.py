@@ -532,6 +532,13 @@ def test_a_camera_of_any_pose_gives_the_lengths_within_a_tolerance(see: Any, cam
         assert np.isnan(without.dimension('l_gh')[1]) == (camera != 'unknown')
 
 
+def test_pixels_with_y_down_are_named() -> None:
+    robot = Robot(count=300, period=0.02)
+    pixels = filmed(robot, lambda points: points * (700.0, -700.0) + 300.0)
+    with pytest.raises(MeasurementError, match='are mirrored'):
+        calibrate(DRAWN, pixels, camera='scale')
+
+
 @pytest.mark.parametrize('angle', [0.0, 0.03])
 def test_a_camera_that_is_turned_is_named(angle: float) -> None:
     robot = Robot()
