@@ -42,7 +42,7 @@ SCALES = {
     'rad': (degrees(1.0), 'deg'),
     's': (1e3, 'ms'),
     '1': (1e2, '%'),
-    '1/m': (1.0, '1/m'),
+    '1/m': (1e2, '%/m'),
 }
 SI_UNITS = {
     'camera x': 'm',
