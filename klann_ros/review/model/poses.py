@@ -30,7 +30,7 @@ from .times import median, pairs
 
 # Poses solved at once; and those after a gap, of more than [ns], that tell the turn of a path.
 _BLOCK_SIZE = 65536
-_FIRST_POSES = 50
+_FIRST_POSES = 20
 _PATH_GAP = 1_000_000_000
 _TURN = 2 * np.pi
 _LARGEST = np.finfo(np.float64).max

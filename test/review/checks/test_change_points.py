@@ -61,7 +61,7 @@ def crossed(name: str) -> LinkageLeg:
 @pytest.mark.parametrize('name', FEET)
 def test_a_run_along_the_tangent_is_right(tmp_path: Path, name: str, turns: float) -> None:
     leg = LinkageLeg(change_point_linkage(name))
-    assert errors_of(tmp_path, name, leg.solve, turns=turns, start=0.3) == []
+    assert errors_of(tmp_path, name, leg.solve, turns=turns, start=0.3, count=120) == []
 
 
 @pytest.mark.parametrize('first', [0.0, 1.0])
@@ -74,7 +74,7 @@ def test_recorded_angles_may_be_wrapped_and_begin_in_any_turn(
     def pose_at(alpha: float) -> LinkagePose:
         return leg.closed_form(alpha + first * TURN)._replace(alpha=alpha % TURN)
 
-    assert errors_of(tmp_path, name, pose_at, turns=4.0, start=0.3) == []
+    assert errors_of(tmp_path, name, pose_at, turns=4.0, start=0.3, count=120) == []
 
 
 @pytest.mark.parametrize('name', ['parallelogram', 'two_turns', 'level_foot', 'slotted_arm'])
@@ -123,7 +123,8 @@ def test_the_other_way_at_a_change_point_is_found_and_named(
         return leg.closed_form(alpha)
 
     start, turns = (0.02, 2.9) if is_forward else (2.92, -2.9)
-    found = errors_of(tmp_path, other_way.name, pose_at, start=start * TURN, turns=turns)
+    way = {'start': start * TURN, 'turns': turns, 'count': 150}
+    found = errors_of(tmp_path, other_way.name, pose_at, **way)
     assert [finding.check for finding in found] == ['branch']
     degrees = other_way.begins if is_forward else other_way.ends
     meaning = f'at the change point at {degrees} deg ({other_way.bodies}) it took the other of'
