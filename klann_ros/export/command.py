@@ -64,6 +64,8 @@ def _export(options: argparse.Namespace) -> int:
         names = ', '.join(f'--{name}' for name in FORMATS)
         raise UsageError(f'no output is given; one of {names}, {ROS2_CONTROL} is needed')
     robot = robot_of(options.file)
+    if options.bar_density is not None:
+        robot = robot.with_rods(options.bar_density, slider_length=SLIDER_LENGTH)
     files = output_files(options, FORMATS, [options.file], refuse_yaml=True)
     files += output_files(options, [WEIGHED], [options.file])
     if options.weighed is not None:
@@ -90,11 +92,8 @@ def _contents(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
     """Return the content of each file, by its option."""
     contents: dict[str, bytes] = {}
     if options.mjcf is not None:
-        heavy_robot = robot
-        if options.bar_density is not None:
-            heavy_robot = robot.with_rods(options.bar_density, slider_length=SLIDER_LENGTH)
-        contents['--mjcf'] = robot_mjcf(heavy_robot).encode()
-        for origin in dict.fromkeys(leg.masses.origin for leg in heavy_robot.legs if leg.masses):
+        contents['--mjcf'] = robot_mjcf(robot).encode()
+        for origin in dict.fromkeys(leg.masses.origin for leg in robot.legs if leg.masses):
             print(f'masses: {origin}')
     if options.urdf is not None:
         separator = options.joint_separator
@@ -187,6 +186,6 @@ def _parser() -> ArgumentParser:
     material = 'of the material [kg/m^3], for --weighed: plywood 650, acrylic 1190, PLA 1240'
     add('--plate-density', metavar='KG_PER_M3', type=_positive, help=material)
     add('--scale', type=_positive, default=1.0, help='of the plates; hole and width stay')
-    density = 'of bars in the MJCF, in place of the masses in FILE [kg/m]'
+    density = 'of bars in MJCF and --ros2-control, in place of the masses in FILE [kg/m]'
     add('--bar-density', metavar='KG_PER_M', type=_positive, help=density)
     return parser

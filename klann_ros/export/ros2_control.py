@@ -18,6 +18,7 @@ from pathlib import Path
 from string import Template
 from xml.sax.saxutils import escape
 
+from klann_ros.dynamics import MassBasis
 from klann_ros.gait import Feet, Rates, Steering, walk_figures
 from klann_ros.robot import Robot, solver_parameters
 from klann_ros.sanitize.text import printable
@@ -195,6 +196,9 @@ def _walker(file: str, robot: Robot) -> str:
     parameters = solver_parameters(parse_file(file))
     parameters = {k: v for k, v in parameters.items() if k.rpartition('.')[2] != 'linkage'}
     for leg in robot.legs:
+        if leg.masses and leg.masses.basis is MassBasis.RODS:
+            # An explicit density wins over that of the file.
+            parameters[f'{leg.prefix}bar_density'.replace('/', '.')] = leg.masses.density
         if leg.description:
             parameters[f'{leg.prefix}linkage_description'.replace('/', '.')] = leg.description
     return parameter_file({'/**': parameters})

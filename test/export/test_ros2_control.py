@@ -50,6 +50,23 @@ def parameter(element: Any, name: str) -> str:
     return str(text)
 
 
+def test_an_explicit_density_is_that_of_model_and_walker(tmp_path: Path) -> None:
+    file = str(ROOT / 'config' / 'walker6.yaml')
+    folder = tmp_path / 'control'
+    assert main([file, '--ros2-control', str(folder), '--bar-density', '0.31']) == 0
+    expected = robot_of(file).with_rods(0.31)
+    walker = robot_of(str(folder / 'walker.yaml'))
+    model = mujoco.MjModel.from_xml_path(str(folder / 'robot.xml'))
+    assert walker.body is not None
+    mass = walker.body.mass
+    for leg, expected_leg in zip(walker.legs, expected.legs, strict=True):
+        assert leg.masses is not None
+        assert expected_leg.masses is not None
+        assert leg.masses.bodies == expected_leg.masses.bodies
+        mass += leg.masses.total
+    assert mujoco.mj_getTotalmass(model) == pytest.approx(mass, rel=1e-6)
+
+
 def test_the_plugin_finds_all_that_it_looks_for_in_the_model(exported: tuple[str, Path]) -> None:
     file, folder = exported
     model = mujoco.MjModel.from_xml_path(str(folder / 'robot.xml'))
