@@ -46,7 +46,7 @@ def with_numbers(leg: RobotLeg, linkage: Linkage) -> RobotLeg:
     if linkage.is_dyadic:
         # Its start need not close with the new numbers.
         content.pop('start', None)
-        content['assembly'] = [*linkage.assembly_at_zero]
+        content['assembly'] = [*linkage.assembly_at(0.0)]
     else:
         content['start'] = {}
         for body, coordinate in zip(linkage.structure.bodies, linkage.start, strict=True):

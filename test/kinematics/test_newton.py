@@ -166,7 +166,9 @@ def test_it_stops_at_the_first_small_correction(tolerance: float) -> None:
 
 def test_a_stop_that_is_not_reached_is_reported() -> None:
     bar, guess = BAR
-    with pytest.raises(NotConvergedError, match=r'\|f\| is not below 1e-05 m after 2') as caught:
+    with pytest.raises(
+        NotConvergedError, match=r'\|f\| is not below 1e-05( m)? after 2'
+    ) as caught:
         bar.newton(ALPHA, guess, residual=1e-5, max_iterations=2)
     assert caught.value.iterates.shape == (3, 2)
 

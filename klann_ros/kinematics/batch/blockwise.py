@@ -99,7 +99,8 @@ class Blockwise:
         """Replace the vectors of poses near change points."""
         self._interpolated = points.interpolated_poses(alphas)
         for near, pose in self._interpolated:
-            for j, vector in enumerate(self._vectors_near(near, alphas, pose)):
+            x = [alphas[near], *pose.x.T]
+            for j, vector in enumerate(joints.body_vectors(self.structure, x)):
                 u[j][near] = vector
 
     def _interpolate_rates(self, u: list[Any], x_1: list[Any], u_1: list[Any]) -> None:
@@ -110,9 +111,6 @@ class Blockwise:
             for j, rate in enumerate(rates):
                 x_1[j][near] = rate
                 u_1[j][near] = joints.vector_velocity(self.structure, vectors, rates, j)
-
-    def _vectors_near(self, near: BoolArray, alphas: FloatArray, pose: InterpolatedPose) -> Any:
-        return joints.body_vectors(self.structure, [alphas[near], *pose.x.T])
 
     def _refine(self, block: Block, u: list[Any], guesses: FloatArray, size: float) -> None:
         """Place the bodies of coupled loops, from guesses of their coordinates."""

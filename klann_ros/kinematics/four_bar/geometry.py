@@ -5,11 +5,10 @@ from functools import cached_property
 from typing import ClassVar
 
 from klann_ros.kinematics import validation
-from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.errors import GeometryError
-from klann_ros.kinematics.linkage.change_points import COURSES, PARALLEL, SAME_ANGLE
+from klann_ros.kinematics.linkage.change_points import COURSES, PARALLEL
 from klann_ros.kinematics.linkage.linkage import Linkage, NamedGeometry
-from klann_ros.kinematics.linkage.reach import length_rounding
+from klann_ros.kinematics.linkage.reach import crank_limits, length_rounding
 from klann_ros.kinematics.linkage.structure import Bar, Body, Dimension, Structure
 
 LENGTHS = ('ground', 'crank', 'coupler', 'rocker')
@@ -106,7 +105,6 @@ class FourBarGeometry(NamedGeometry):
 
     def mirrored(self) -> 'FourBarGeometry':
         """Return the four-bar mirrored in its ground: every angle has the other sign."""
-        # The sign before a change point at theta2 = 0 is the mirror's after it.
-        points = self.linkage.change_points.points
-        changes = any(abs(wrap(point.beta)) <= SAME_ANGLE for point in points)
-        return replace(self, assembly=self.assembly if changes else -self.assembly)
+        first, _ = crank_limits(self.lengths)
+        (sign,) = self.linkage.mirrored().assembly_at(first)
+        return replace(self, assembly=sign)

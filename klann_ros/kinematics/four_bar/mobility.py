@@ -232,7 +232,8 @@ def _rocker_dead_points(geometry: FourBarGeometry) -> Iterator[DeadPoint]:
         theta3 = wrap(-point.theta3)
         theta4 = copysign(pi - abs(point.theta2), point.theta2)
         # Each assembly has one of the two sides of the ground; through change points both.
-        signs = linkage.signs_over_turns(theta2)
+        turns = range(linkage.change_points.period)
+        signs = {linkage.signs(theta2 + turn * TURN) for turn in turns}
         if any(sin(theta4 - theta3) * sign > 0.0 for (sign,) in signs):
             yield DeadPoint('rocker', theta4, point.kind, theta2, theta3, theta4)
 

@@ -9,9 +9,9 @@ the nearest pose in it, led on along its tangent.
 from bisect import bisect_left
 from collections.abc import Sequence
 from contextlib import suppress
-from math import isnan, pi
+from math import isnan
 from operator import itemgetter
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import Arc, TURN
 from klann_ros.kinematics.arrays import FloatArray
@@ -39,7 +39,6 @@ _BEFORE = -np.arange(1.0, CROSSING_NODES + 1)
 _POWERS = np.arange(CROSSING_NODES)
 # The weights of the poses before it at one step beyond it.
 _EXTRAPOLATION = np.linalg.inv(_BEFORE[:, None] ** _POWERS).sum(axis=0)
-SignPair: TypeAlias = tuple[tuple[int, ...], tuple[int, ...]]
 # Fields of a corrected pose: see LinkagePose.
 _X_AND_COEFFICIENTS = itemgetter(1, 5)
 
@@ -56,13 +55,6 @@ class BranchSample(NamedTuple):
     def predict(self, step: float) -> tuple[float, ...]:
         """Return the angles a step of the crank further on, to first order."""
         return tuple(x + step * x_1 for x, x_1 in zip(self.x, self.x_1, strict=True))
-
-
-class Crossing(NamedTuple):
-    """A change point: its path angle [rad], and the signs of the blocks before and after it."""
-
-    alpha: float
-    signs: SignPair
 
 
 class Branch:
@@ -85,10 +77,8 @@ class Branch:
         self.period = 1
         self._linkage = linkage
         self._correct: dict[tuple[int, ...], Any] = {}
-        # The path angles where signs change, and the signs before and after [rad].
-        self._crossings: list[Crossing] = []
+        self.change_points: list[ChangePoint] = []
         alpha, *x = start
-        self._start = alpha
         first = self._sample(alpha, tuple(x), linkage.assembly)
         if first is None:
             text = (
@@ -108,37 +98,17 @@ class Branch:
                 'crank angle has two poses, and such a linkage is not solved'
             )
 
+        # The signs of its blocks along the path.
+        self.sign_changes: list[SignChanges] = []
+        for number, sign in enumerate(linkage.assembly, 1):
+            points = [point for point in self.change_points if point.block == number]
+            offsets = sorted((point.beta - alpha) % self._span for point in points)
+            self.sign_changes.append(SignChanges(sign, alpha, tuple(offsets), self._span))
+
     @property
     def arc(self) -> Arc:
         """Return the crank angles of its ends [rad]; (0, 2 pi) for a whole turn."""
         return (0.0, TURN) if self._is_turn else (self._first, self._last)
-
-    @property
-    def gap(self) -> float | None:
-        """Return a crank angle before the branch, beyond its ends [rad]; None for a whole turn."""
-        return None if self._is_turn else (self._first + self._last) / 2.0 - pi
-
-    @property
-    def change_points(self) -> list[ChangePoint]:
-        """Return its change points."""
-        points = []
-        for crossing in self._crossings:
-            for b, (before, after) in enumerate(zip(*crossing.signs, strict=True)):
-                if before != after:
-                    points.append(ChangePoint(crossing.alpha, b + 1, 1))
-        return points
-
-    @property
-    def sign_changes(self) -> list[SignChanges]:
-        """Return the signs of its blocks along the path."""
-        signs = []
-        for b, sign in enumerate(self._linkage.assembly):
-            offsets = []
-            for point in self.change_points:
-                if point.block == b + 1:
-                    offsets.append((point.beta - self._start) % self._span)
-            signs.append(SignChanges(sign, self._start, tuple(sorted(offsets)), self._span))
-        return signs
 
     def x(self, alpha: float) -> tuple[float, ...]:
         """Return the angles at a path angle [rad]; a LoopsOpenError beyond the branch."""
@@ -146,7 +116,8 @@ class Branch:
         nearest = self._nearest_sample(branch_alpha)
         if self._first <= branch_alpha <= self._last:
             guess = nearest.predict(branch_alpha - nearest.alpha)
-            sample = self._corrected(alpha, guess, self._signs(branch_alpha))
+            signs = tuple(changes.sign_at(branch_alpha) for changes in self.sign_changes)
+            sample = self._corrected(alpha, guess, signs)
             if sample is not None:
                 return sample.x
         raise LoopsOpenError(alpha, self.block, alpha + nearest.alpha - branch_alpha)
@@ -176,15 +147,6 @@ class Branch:
     def _span(self) -> float:
         return self.period * TURN
 
-    def _signs(self, alpha: float) -> tuple[int, ...]:
-        """Return the signs at a path angle on the branch."""
-        signs = self._samples[0].signs
-        for crossing in sorted(self._crossings):
-            if crossing.alpha > alpha:
-                break
-            signs = crossing.signs[1]
-        return signs
-
     def _sample(
         self, alpha: float, guess: tuple[float, ...], signs: tuple[int, ...]
     ) -> BranchSample | None:
@@ -210,8 +172,8 @@ class Branch:
         while length > MIN_BRANCH_STEP:
             way = abs(samples[-1].alpha - first.alpha)
             if way >= self._span:
-                # A branch that comes back as another one has several turns, if it has crossings.
-                if self._is_back(samples) or not self._crossings or self.period >= MAX_PERIOD:
+                # Through change points it may come back as another one: several turns.
+                if self._is_back(samples) or not self.change_points or self.period >= MAX_PERIOD:
                     break
                 self.period *= 2
             last = samples[-1]
@@ -257,7 +219,8 @@ class Branch:
             solution = newton_raphson(self._linkage, beyond, guess, **limits)[-1].tolist()
         except NotConvergedError:
             return False
-        after = self._signs_of(beyond, solution)
+        u = self._linkage.vectors(beyond, solution)
+        after = tuple(1 if block.sine(u) > 0.0 else -1 for block in self._linkage.blocks)
         sample = self._sample(beyond, tuple(solution), after)
         if sample is None:
             return False
@@ -268,24 +231,10 @@ class Branch:
         while abs(samples[-1].alpha - end) < 0.999 * CROSSING_STEP:
             samples.pop()
         samples.append(sample)
-        if after != signs:
-            pair = (signs, after) if direction > 0.0 else (after, signs)
-            self._crossings.append(Crossing(self._zero(poses, pair, direction), pair))
+        for number, (sign, sign_after) in enumerate(zip(signs, after, strict=True), 1):
+            if sign_after != sign:
+                self.change_points.append(ChangePoint(end, number, 1))
         return True
-
-    def _zero(self, poses: Sequence[BranchSample], signs: SignPair, direction: float) -> float:
-        """Return the crank angle at which a sine that changes its sign is 0 [rad]."""
-        block = self._linkage.blocks[[a != b for a, b in zip(*signs, strict=True)].index(True)]
-        sines = [block.sine(self._linkage.vectors(pose.alpha, pose.x)) for pose in poses]
-        polynomial = np.polynomial.Polynomial.fit(_BEFORE, sines, CROSSING_NODES - 1)
-        roots = polynomial.roots()
-        root = float(roots[np.abs(roots).argmin()].real)
-        first = poses[0].alpha + direction * CROSSING_STEP
-        return first + direction * CROSSING_STEP * root
-
-    def _signs_of(self, alpha: float, x: Sequence[float]) -> tuple[int, ...]:
-        u = self._linkage.vectors(alpha, x)
-        return tuple(1 if block.sine(u) > 0.0 else -1 for block in self._linkage.blocks)
 
     def _is_back(self, samples: Sequence[BranchSample]) -> bool:
         """Return whether samples are a whole period, after which the loops are back."""

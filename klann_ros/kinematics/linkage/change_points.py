@@ -47,6 +47,8 @@ ORDER_STEP = 1e-2
 NEAR_MISS = 1e-6
 # Change points of several dyads that are one [rad].
 SAME_ANGLE = 1e-6
+# From an angle to one that is after a change point at it [rad].
+JUST_AFTER = 2.0 * SAME_ANGLE
 # Steps of the nodes of an interpolated pose [rad], and its largest error [rad, size].
 NODE_STEP = 5e-3
 NODES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
@@ -214,11 +216,10 @@ class ChangePoints:
             derivatives.append((pose.x_1 if point.order == 1 else pose.x_2)[bodies])
         return derivatives[0], derivatives[1]
 
-    def inside(self, beta: float) -> float:
-        """Return a path angle, or one just after it, that is no change point [rad]."""
-        ends = [(centre - beta - SAME_ANGLE) % self._span for centre in self._centres]
-        is_change = min(self._span - end for end in ends) <= 2.0 * SAME_ANGLE
-        return beta + min(ends) / 2.0 if is_change else beta
+    @property
+    def middle(self) -> float:
+        """Return a path angle far from an end of the path [rad]."""
+        return self._linkage.reference if self._cut is None else self._cut + pi
 
     @property
     def _span(self) -> float:
@@ -263,7 +264,9 @@ class ChangePoints:
             self._branch_blocks = linkage.branch.block
         if self._branch_blocks:
             self.period = linkage.branch.period
-            self._cut = linkage.branch.gap
+            start, end = linkage.branch.arc
+            if end - start < TURN:
+                self._cut = (start + end) / 2.0 - pi
             self.points += linkage.branch.change_points
             if self.points and linkage.at_change_points == CROSSED:
                 msg = (
@@ -281,9 +284,7 @@ class ChangePoints:
         span = self.period * TURN
         reference = self._linkage.reference
         contacts: list[ChangePoint] = []
-        if block.is_driven:
-            contacts = self._driven_contacts(block)
-        elif block.two_branches:
+        if block.two_branches:
             contacts = self._contacts(block)
         else:
             self.clearances.append(np.inf)
@@ -291,7 +292,7 @@ class ChangePoints:
         changes = []
         for point in contacts:
             if point.order % 2:
-                offset = (point.beta - reference) % span
+                offset = (point.beta - reference + SAME_ANGLE) % span - SAME_ANGLE
                 # The signs hold after a change point at the reference.
                 changes.append(offset + span if offset < SAME_ANGLE else offset)
         sign = self._linkage.assembly[block.number - 1]
@@ -310,32 +311,11 @@ class ChangePoints:
         points = set()
         for point in self.points:
             span = self._signs[point.block - 1].span
-            first = start + (point.beta - start) % span
+            first = start + (point.beta - start + SAME_ANGLE) % span - SAME_ANGLE
             for turn in range(max(1, round(self._span / span))):
-                if first + turn * span < start + self._span:
+                if first + turn * span < start + self._span - SAME_ANGLE:
                     points.add(point._replace(beta=first + turn * span))
         return sorted(points)
-
-    def _driven_contacts(self, block: Block) -> list[ChangePoint]:
-        """Return the contacts of a dyad that the crank alone drives, in closed form."""
-        l_1, l_2, l_3, l_4 = block.four_bar_lengths
-        ground = self._linkage.reference + (block.ground_angle - self._linkage.reference) % TURN
-        opposite = self._linkage.reference + (ground + pi - self._linkage.reference) % TURN
-        longest = max(l_1, l_2, l_3, l_4)
-        contacts = []
-        clearances = {ground: abs(l_1 - l_2) - abs(l_3 - l_4), opposite: l_3 + l_4 - l_1 - l_2}
-        self.clearances.append(min(clearances.values()))
-        for beta, clearance in clearances.items():
-            if min(l_1, l_2) <= CONTACT_ROUNDING * longest:
-                continue
-            is_free = beta == ground and abs(l_1 - l_2) <= CONTACT_ROUNDING * longest
-            if abs(clearance) <= CONTACT_ROUNDING * longest:
-                for turn in range(self.period):
-                    angle = beta + turn * TURN
-                    contacts.append(ChangePoint(angle, block.number, 1, is_free))
-            else:
-                self._note_miss(block, beta, clearance, longest)
-        return contacts
 
     def _note_miss(self, block: Block, beta: float, clearance: float, longest: float) -> None:
         """Note a contact that is missed, or a crank angle that cannot be reached."""
@@ -358,11 +338,12 @@ class ChangePoints:
             p = block.dyad_solver.discriminant(span)
             bend = np.roll(p, 1) - 2.0 * p + np.roll(p, -1)
             is_dip = (p <= np.roll(p, 1)) & (p <= np.roll(p, -1)) & (p <= 0.25 * bend)
-            lowest = np.where(np.isnan(clearances), -np.inf, clearances).argmin()
             heights = [np.roll(-clearances, shift) for shift in (1, 0, -1)]
             self.clearances.append(-float(np.fmax.reduce(parabola_peak(*heights))))
-            if not clearances[lowest] >= -rounding:
-                self._note_miss(block, float(betas[lowest]), -longest, longest)
+            missed = np.flatnonzero(~(clearances >= -rounding))
+            if len(missed):
+                # The last before the reference, less a turn.
+                self._note_miss(block, float(betas[missed[-1]]), -longest, longest)
             if not is_dip.any():
                 return []
             dips = self._refined(block, betas[is_dip])

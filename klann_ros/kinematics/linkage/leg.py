@@ -92,7 +92,7 @@ class Leg(Generic[PoseT, MotionT]):
         self._predict = functions.predict
         if self._linkage.change_points:
             # Every pose is one along the path.
-            self._predict = _no_pose
+            self._predict = lambda *_: None
         self._velocity = functions.velocity
         self._acceleration = functions.acceleration
 
@@ -567,10 +567,6 @@ class Leg(Generic[PoseT, MotionT]):
             array.setflags(write=False)
         units = tuple(body.unit for body in self._linkage.structure.bodies[1:])
         return Iterations(crank_angle(alpha), self.joint_names[1:], units, x, f, phi)
-
-
-def _no_pose(*_: Any) -> None:
-    """Return no pose."""
 
 
 class LinkageLeg(Leg[LinkagePose, LinkageMotion]):

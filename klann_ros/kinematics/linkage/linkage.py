@@ -16,7 +16,7 @@ import numpy as np
 
 from . import joints
 from .branch import Branch
-from .change_points import ChangePoints, COURSES, InterpolatedPose, PARALLEL, SIGN
+from .change_points import ChangePoints, COURSES, InterpolatedPose, JUST_AFTER, PARALLEL, SIGN
 from .dimension_derivatives import vector_derivatives
 from .equations import LoopEquations, moved_numbers, path_terms, real_rows, term_matrix
 from .structure import dimension_places, Structure
@@ -270,13 +270,14 @@ class Linkage(LoopEquations):
         for j, body in enumerate(self.structure.bodies if start else ()):
             start[j] *= 1.0 if body.slides else -1.0
         signs = [*self.assembly]
-        for b, block in enumerate(self.blocks):
-            signs[b] *= 1 if block.slides else -1
-        structure = self.structure.mirrored()
         reference = self.reference
         if self.is_dyadic and self.change_points:
             # The signs hold after the reference, which in the mirror is before it.
-            reference = self.change_points.inside(reference)
+            signs = [*self.assembly_at(self.change_points.middle)]
+            reference = self.change_points.middle + 2.0 * JUST_AFTER
+        for b, block in enumerate(self.blocks):
+            signs[b] *= 1 if block.slides else -1
+        structure = self.structure.mirrored()
         mode = self._mode(start, signs)
         return self._with(structure=structure, numbers=numbers, reference=-reference, **mode)
 
@@ -285,16 +286,12 @@ class Linkage(LoopEquations):
         """Return its change points, which decide on the signs along its path; false for none."""
         return ChangePoints(self)
 
-    @property
-    def assembly_at_zero(self) -> tuple[int, ...]:
-        """Return the signs of the same motion that hold just after a crank angle of 0."""
-        if not self.change_points:
-            return self.assembly
-        at_zero = self.signs(self.change_points.inside(0.0))
+    def assembly_at(self, beta: float) -> tuple[int, ...]:
+        """Return the signs of the same motion that hold just after a path angle [rad]."""
         # 'crossed' reverses some signs: the same ones wherever it is.
-        at_reference = self.signs(self.change_points.inside(self.reference))
-        signs = zip(at_zero, at_reference, self.assembly, strict=True)
-        return tuple(zero * reference * sign for zero, reference, sign in signs)
+        at_reference = self.signs(self.reference + JUST_AFTER)
+        signs = zip(self.signs(beta + JUST_AFTER), at_reference, self.assembly, strict=True)
+        return tuple(at_beta * reference * sign for at_beta, reference, sign in signs)
 
     @property
     def is_searched(self) -> bool:
@@ -308,11 +305,6 @@ class Linkage(LoopEquations):
     def signs(self, beta: float) -> tuple[int, ...]:
         """Return the sign of each block at a path angle, the unwrapped crank angle [rad]."""
         return self.change_points.signs(beta) if self.change_points else self.assembly
-
-    def signs_over_turns(self, alpha: float) -> list[tuple[int, ...]]:
-        """Return the signs of the blocks at a crank angle in every turn of its path [rad]."""
-        turns = range(self.change_points.period) if self.change_points else [0]
-        return [self.signs(alpha + turn * TURN) for turn in turns]
 
     def interpolated(self, beta: float) -> InterpolatedPose | None:
         """Return the pose at a path angle near a change point; None elsewhere."""

@@ -169,7 +169,7 @@ class Structure:
 
     def __reduce__(self) -> tuple[type['Structure'], tuple[object, ...]]:
         """Leave out what other processes compute and hash for themselves."""
-        named = (self.foot, self.points, self.dimensions, self.outside)
+        named = (self.foot, self.points, self.dimensions, self.outside, self.unit)
         return Structure, (self.pivots, self.bodies, *named)
 
     @property

@@ -41,8 +41,8 @@ def _expected(leg: Leg[Any, Any], alpha: float) -> tuple[np.ndarray, float] | No
     motion = leg.velocity(pose, 1.0)
     values = [motion.h, motion.joints[1:], motion.points, pose.transmission_angles]
     values += [pose.h, pose.points, pose.x]
-    # Near the end of an arc everything is as large as it is uncertain.
-    return np.concatenate([*map(np.ravel, values)]), 1e-12 / min(pose.sines) ** 2
+    # Near the end of an arc, not in a change point, everything is as large as it is uncertain.
+    return np.concatenate([*map(np.ravel, values)]), 1e-12 / max(1e-3, min(pose.sines)) ** 2
 
 
 # Dyads of pins, and of sliding joints.

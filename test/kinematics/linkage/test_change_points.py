@@ -391,14 +391,15 @@ def mirror_of(linkage: Linkage, alpha: float) -> Any:
 
 @pytest.mark.parametrize('course', ['parallel', 'crossed', 'sign'])
 @pytest.mark.parametrize(
-    'lengths', [(3.0, 1.0, 3.0, 1.0), (4.0, 1.0, 2.0, 3.0), (1.0, 1.0, 2.0, 2.0)]
+    'lengths',
+    [(3.0, 1.0, 3.0, 1.0), (4.0, 1.0, 2.0, 3.0), (1.0, 1.0, 2.0, 2.0), (2.0, 2.0, 1.0, 3.0)],
 )
 def test_a_mirrored_linkage_has_the_mirrored_motion(
     lengths: tuple[float, ...], course: str
 ) -> None:
     bar = FourBar(*lengths, at_change_points=course)
     for mirrored in (bar.linkage.mirrored(), bar.geometry.mirrored().linkage):
-        for alpha in (-7.0, -2.0, 0.5, 2.5, 4.0, 9.0):
+        for alpha in (-8.0, -2.0, 2.5, 4.0, 9.0):
             x = LinkageLeg(mirrored).closed_form(alpha).x
             assert apart(x, mirror_of(bar.linkage, alpha)).max() <= 1e-11
 
@@ -457,7 +458,7 @@ def test_the_signs_at_zero_are_those_of_the_same_motion() -> None:
         linkage = FourBar(3.0, 1.0, 3.0, 1.0).linkage.from_start(start)
         linkage = linkage.at_every_change_point(course)
         assert linkage.assembly == (-1,)
-        at_zero = linkage.in_assembly(linkage.assembly_at_zero, 0.0)
+        at_zero = linkage.in_assembly(linkage.assembly_at(0.0), 0.0)
         for alpha in (0.5, 2.0, 4.0, 6.0):
             x = LinkageLeg(linkage).closed_form(alpha).x
             assert apart(LinkageLeg(at_zero).closed_form(alpha).x, x).max() <= 1e-12
