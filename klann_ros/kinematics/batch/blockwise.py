@@ -81,7 +81,7 @@ class Blockwise:
         signs = self._signs
         guesses = np.empty(0)
         if linkage and linkage.change_points:
-            signs = linkage.change_points.sign_arrays(alphas)
+            signs = linkage.change_points.signs(alphas)
         if linkage and not linkage.is_dyadic:
             guesses = linkage.branch.guesses(alphas[0])[:, None]
         for block, sign in zip(self.blocks[:count], signs, strict=False):

@@ -116,7 +116,7 @@ class Branch:
         nearest = self._nearest_sample(branch_alpha)
         if self._first <= branch_alpha <= self._last:
             guess = nearest.predict(branch_alpha - nearest.alpha)
-            signs = tuple(changes.sign_at(branch_alpha) for changes in self.sign_changes)
+            signs = tuple(int(changes.signs_at(branch_alpha)) for changes in self.sign_changes)
             sample = self._corrected(alpha, guess, signs)
             if sample is not None:
                 return sample.x

@@ -20,7 +20,6 @@ polynomial through the poses at eight equal steps on both sides, whose derivativ
 motion. See `dyads` for M, r, e and q.
 """
 
-from bisect import bisect_right
 from functools import cached_property
 from math import ceil, log2, pi, remainder
 from typing import Any, NamedTuple
@@ -30,6 +29,7 @@ from klann_ros.kinematics.arrays import BoolArray, FloatArray
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.searches import parabola_peak
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from . import joints
 from .blocks import Block
@@ -56,8 +56,7 @@ NODES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 MIDDLES = np.array([-0.5, 0.5])
 MAX_HALVINGS = 12
 INTERPOLATION_ERROR = 1e-10
-_POWERS = np.arange(len(NODES))
-_FIT = np.linalg.inv(NODES[:, None] ** _POWERS)
+_FIT = np.linalg.inv(NODES[:, None] ** np.arange(len(NODES)))
 
 
 class ChangePoint(NamedTuple):
@@ -89,14 +88,8 @@ class SignChanges(NamedTuple):
     changes: tuple[float, ...]
     span: float
 
-    def sign_at(self, beta: float) -> int:
-        """Return the sign at a path angle."""
-        spans, offset = divmod(beta - self.start, self.span)
-        count = bisect_right(self.changes, offset) + int(spans) * len(self.changes)
-        return -self.sign if count % 2 else self.sign
-
-    def signs_at(self, betas: FloatArray) -> Any:
-        """Return the signs at many path angles, an array of their shape."""
+    def signs_at(self, betas: Any) -> Any:
+        """Return the signs at path angles, an array of their shape."""
         spans, offsets = np.divmod(betas - self.start, self.span)
         count = np.searchsorted(self.changes, offsets, side='right') + spans * len(self.changes)
         return np.where(count % 2.0 == 0.0, self.sign, -self.sign)
@@ -118,14 +111,11 @@ class _Fit(NamedTuple):
 
     def at(self, offset: Any) -> InterpolatedPose:
         """Return the poses at distances from the centre, shape (..., n - 1)."""
-        t = np.asarray(offset / self.radius)[..., None]
-        values = []
-        factors = np.ones(len(NODES))
+        derivatives = []
         for order in range(3):
-            powers = t ** np.maximum(_POWERS - order, 0)
-            values.append((factors * powers) @ self.coefficients / self.radius**order)
-            factors = factors * np.maximum(_POWERS - order, 0)
-        return InterpolatedPose(*values)
+            polynomial = polyder(self.coefficients, order) / self.radius**order
+            derivatives.append(polyval(offset / self.radius, polynomial).T)
+        return InterpolatedPose(*derivatives)
 
 
 class ChangePoints:
@@ -158,15 +148,10 @@ class ChangePoints:
             return betas
         return self._cut + (betas - self._cut) % TURN
 
-    def sign_arrays(self, betas: Any) -> list[Any]:
+    def signs(self, betas: Any) -> list[Any]:
         """Return the sign of each block at path angles, arrays of their shape."""
         betas = self.path_angles(betas)
         return [changes.signs_at(betas) for changes in self._signs]
-
-    def signs(self, beta: float) -> tuple[int, ...]:
-        """Return the sign of each block at a path angle [rad]."""
-        beta = self.path_angles(beta)
-        return tuple(changes.sign_at(beta) for changes in self._signs)
 
     def interpolated(self, beta: float) -> InterpolatedPose | None:
         """Return the pose near a change point; None elsewhere."""
@@ -253,8 +238,11 @@ class ChangePoints:
         """Return the other coordinates along path angles, shape (k, n - 1)."""
         structure = self._linkage.structure
         u = self._vectors(betas, len(self._linkage.blocks), other)
-        x = [joints.coordinate(structure, u, j) for j in range(1, len(u))]
-        return np.stack([np.unwrap(coordinate) for coordinate in x], axis=-1)
+        x = []
+        for j, body in enumerate(structure.bodies[1:], 1):
+            coordinate = joints.coordinate(structure, u, j)
+            x.append(coordinate if body.slides else np.unwrap(coordinate))
+        return np.stack(x, axis=-1)
 
     # The search.
 
@@ -262,7 +250,6 @@ class ChangePoints:
         linkage = self._linkage
         if not linkage.is_dyadic:
             self._branch_blocks = linkage.branch.block
-        if self._branch_blocks:
             self.period = linkage.branch.period
             start, end = linkage.branch.arc
             if end - start < TURN:

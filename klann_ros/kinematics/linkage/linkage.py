@@ -8,7 +8,6 @@ from math import degrees
 from typing import Any, ClassVar, TypeVar
 
 from klann_ros.kinematics import validation
-from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.kinematics.errors import GeometryError, NotAssembledError, NotConvergedError
 from klann_ros.kinematics.newton import newton_raphson
@@ -304,7 +303,9 @@ class Linkage(LoopEquations):
 
     def signs(self, beta: float) -> tuple[int, ...]:
         """Return the sign of each block at a path angle, the unwrapped crank angle [rad]."""
-        return self.change_points.signs(beta) if self.change_points else self.assembly
+        if not self.change_points:
+            return self.assembly
+        return tuple(map(int, self.change_points.signs(beta)))
 
     def interpolated(self, beta: float) -> InterpolatedPose | None:
         """Return the pose at a path angle near a change point; None elsewhere."""

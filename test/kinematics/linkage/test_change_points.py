@@ -243,6 +243,11 @@ def test_cardans_slider_moves_over_four_cranks() -> None:
     for x in poses_every_way(linkage, alphas):
         assert apart(x[:, 0], -alphas).max() <= 1e-11
         assert np.abs(x[:, 1] - 0.1 * np.cos(alphas)).max() <= 1e-12
+    # Distances do not wrap, however long.
+    large = linkage.scaled(1e4)
+    for alpha in (1.0, math.pi / 2.0 + 1e-4, 3.0):
+        x = LinkageLeg(large).closed_form(alpha).x
+        assert x[1] == pytest.approx(1e3 * math.cos(alpha), abs=1e-8)
 
 
 def test_a_line_on_a_link_goes_on_where_its_ends_coincide() -> None:
@@ -408,7 +413,7 @@ def test_a_jump_of_more_than_a_turn_takes_the_path_of_the_crank_angle() -> None:
     bar = FourBar(4.0, 1.0, 2.0, 3.0)
     bar.solve(6.0)
     assert bar.solve(0.25).turns == 1
-    assert bar.solve(0.25 + 3.2 * TURN).turns == 0
+    assert bar.solve(0.25 + 2.2 * TURN).turns == 0
 
 
 def test_a_crank_that_turns_in_part_passes_its_change_point() -> None:
@@ -432,11 +437,14 @@ def test_many_linkages_have_each_its_own_path() -> None:
     chain = linkage_from_text(CHAIN, 'chain')
     others = [chain.varied({'F-G': 0.05}), chain, chain.scaled(2.0), chain.varied({'D-C': 0.041})]
     alphas = np.linspace(0.1, 6.2, 50)
-    poses: Any = linkage_poses(others, alphas, angles=True)
-    for linkage, angles, reason in zip(others, poses.angles, poses.reason, strict=True):
-        single: Any = linkage_poses(linkage, alphas, angles=True)
-        assert (single.reason == reason).all()
-        np.testing.assert_allclose(single.angles, angles, atol=1e-12)
+    # In a dyad that the crank does not drive alone.
+    stroke = linkage_from_text(downstream(along=False), 'downstream')
+    for linkages in (others, [stroke.varied({'F-G': 0.076}), stroke]):
+        poses: Any = linkage_poses(linkages, alphas, angles=True)
+        for linkage, angles, reason in zip(linkages, poses.angles, poses.reason, strict=True):
+            single: Any = linkage_poses(linkage, alphas, angles=True)
+            assert (single.reason == reason).all()
+            np.testing.assert_allclose(single.angles, angles, atol=1e-12)
     four_bar = FourBar(0.18, 0.08, 0.2, 0.15).linkage
     changes = {'ground': [0.18, 0.2], 'coupler': [0.2, 0.2], 'crank': 0.08, 'rocker': [0.15, 0.08]}
     variants: Any = linkage_poses(Variants(four_bar, changes), alphas, angles=True)
