@@ -483,3 +483,12 @@ def test_coupled_loops_by_their_sign_end_at_the_change_point() -> None:
     crossed = linkage_from_text(f'{text}at_change_points: crossed', 'coupled')
     with pytest.raises(GeometryError, match='crossed is refused for coupled loops'):
         LinkageLeg(crossed)
+
+
+def test_a_rocker_that_passes_a_change_point_stops_on_both_sides() -> None:
+    """Of 4, 1, 2, 3 crank and coupler are stretched out in the triangle of 4, 3 and 1 + 2."""
+    points = FourBar(4.0, 1.0, 2.0, 3.0).dead_points('rocker')
+    angle = math.pi - math.acos((16.0 + 9.0 - 9.0) / 24.0)
+    assert [point.kind for point in points] == ['stretched', 'stretched']
+    assert [point.angle for point in points] == pytest.approx([-angle, angle])
+    assert len(FourBar(4.0, 1.0, 2.0, 3.0, at_change_points='sign').dead_points('rocker')) == 1
