@@ -123,10 +123,12 @@ class PoseTarget:
         distances = np.sqrt(np.take_along_axis(squares, nearest, 1)[:, 0])
         return places * (TURN / step_count), distances
 
-    def figures(self, distances: FloatArray, size: Any) -> dict[str, Any]:
-        """Return the figures of distances, shape (..., k), and of the legs' sizes [m]."""
-        exact = distances[..., self.is_exact].max(axis=-1, initial=0.0)
-        return {'pose_error': np.sqrt((distances**2).mean(axis=-1)), 'exact_error': exact / size}
+    def figures(self, structure: Structure, points: FloatArray) -> dict[str, FloatArray]:
+        """Return the figures of n linkages, points as of `locate`, shapes (n,)."""
+        distances = self.locate(structure, points)[1]
+        exact = distances[:, self.is_exact].max(axis=1, initial=0.0)
+        size = np.ptp(points, axis=(1, 2)).max(axis=1)
+        return {'pose_error': np.sqrt((distances**2).mean(axis=1)), 'exact_error': exact / size}
 
 
 def refined_on_poses(target: PoseTarget, space: Space, x: FloatArray) -> FloatArray:

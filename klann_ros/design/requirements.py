@@ -107,10 +107,7 @@ class Requirements:
 
     def turn_figures(self, structure: Structure, points: FloatArray) -> dict[str, FloatArray]:
         """Return the figures of all points of n legs at equal steps, shape (n, k, p, 2) [m]."""
-        figures: dict[str, FloatArray] = {}
-        if self.poses is not None:
-            size = np.ptp(points, axis=(1, 2)).max(axis=-1)
-            figures |= self.poses.figures(self.poses.locate(structure, points)[1], size)
+        figures = {} if self.poses is None else self.poses.figures(structure, points)
         if self.areas:
             clearances = area_clearance(self.areas, structure, points)
             figures['area_clearance'] = clearances.min(axis=-1)

@@ -141,31 +141,29 @@ def varied_space(
         low, high = _range(dimension, drawn, wanted_range, units)
         if low < high:
             free_ranges[name] = low, high
-    if 'scale' in content:
-        low, high = content['scale']
-        if not low < high:
-            raise RequirementsError(f'scale: the range [{low:g}, {high:g}] is empty')
-        free_ranges['scale'] = low, high
-    free_ranges |= _place_ranges(content.get('place', {}), leg, units)
+    free_ranges |= _motion_ranges(content, leg, units)
     if not free_ranges:
         raise RequirementsError('vary leaves nothing to vary: give a percentage > 0, or ranges')
     ends = np.array([*free_ranges.values()], dtype=np.float64)
     return Space(leg, tuple(free_ranges), ends[:, 0], ends[:, 1], ties)
 
 
-def _place_ranges(
+def _motion_ranges(
     content: Mapping[str, Any], leg: RobotLeg, units: Units
 ) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Yield the variables of a motion of the whole linkage, and their ranges [m, rad]."""
-    if content and not leg.description:
+    """Yield the variables that scale and place a whole linkage, and their ranges [m, rad]."""
+    motion = {f'place.{key}': ends for key, ends in content.get('place', {}).items()}
+    if motion and not leg.description:
         raise RequirementsError('place needs a linkage with pivots of its own, such as klann')
-    if 'turn' in content and not leg.linkage.is_dyadic:
+    if 'place.turn' in motion and not leg.linkage.is_dyadic:
         raise RequirementsError('place.turn: linkages with coupled loops are only moved')
-    for key, (low, high) in content.items():
-        size = units.size('rad' if key == 'turn' else 'm')
+    if 'scale' in content:
+        motion['scale'] = content['scale']
+    for name, (low, high) in motion.items():
         if not low < high:
-            raise RequirementsError(f'place.{key}: the range [{low:g}, {high:g}] is empty')
-        yield f'place.{key}', (size * low, size * high)
+            raise RequirementsError(f'{name}: the range [{low:g}, {high:g}] is empty')
+        size = units.size({'scale': '', 'place.turn': 'rad'}.get(name, 'm'))
+        yield name, (size * low, size * high)
 
 
 def _range(dimension: Any, drawn: float, wanted: Any, units: Units) -> tuple[float, float]:
