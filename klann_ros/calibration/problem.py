@@ -204,8 +204,10 @@ class Problem:
 
     def with_robust_noise(self, y: FloatArray, is_used: BoolArray) -> Fit:
         """Return a fit with the noise by the median residuals, whatever a few outliers say."""
+        residuals = self.rows(y).residuals
+        is_used = is_used & np.isfinite(residuals)
         owners = self._checked_owners(is_used)
-        sizes = np.abs(self.rows(y).residuals[is_used])
+        sizes = np.abs(residuals[is_used])
         medians = np.empty(len(self.measured))
         for n in range(len(medians)):
             medians[n] = np.median(sizes[owners == n])
@@ -229,6 +231,7 @@ class Problem:
         fit = self.with_robust_noise(y, is_used)
         if not self.model.has_encoder:
             return self._with_refined_noise(fit._replace(crank_noise=UNKNOWN_CRANK))
+        is_used = fit.is_used
         motion = motion or self.motion
         owners = self.owners[is_used]
         counts = np.bincount(owners)

@@ -305,22 +305,25 @@ def test_errors_of_late_robots_are_as_large_as_their_standard_errors() -> None:
     assert observable_errors.max() < 4.5
 
 
-def test_an_encoder_that_misses_the_motion_is_named() -> None:
+@pytest.mark.parametrize(
+    ('step', 'noise', 'is_named'), [(1, 0.0, False), (1, 2e-3, False), (10, 0.0, True)]
+)
+def test_an_encoder_that_misses_the_motion_is_named(
+    step: int, noise: float, *, is_named: bool
+) -> None:
     robot = Robot(count=800, period=0.01)
     crank = robot.crank + 0.05 * np.sin(12.0 * robot.times)
-    lines = []
-    for step in (1, 10):
-        encoder = CrankSamples.of(robot.times[::step], crank[::step])
-        measured = []
-        for name, seen in zip('HG', robot.moved(crank), strict=True):
-            measured.append(series_of('point', name, robot.times, seen, encoder, noise=NOISE))
-        calibration = calibrate(DRAWN, measured)
-        assert (np.abs(errors(calibration, robot)) < 4.0).all()
-        text = ' '.join(text_lines(calibration, []))
-        lines.append(text)
-        assert (calibration.crank_gap > 0.0) == (step == 10)
-    assert 'between samples' not in lines[0]
-    assert 'between samples of its encoder' in lines[1]
+    samples = crank + np.random.default_rng(3).normal(0.0, noise, len(crank))
+    encoder = CrankSamples.of(robot.times[::step], samples[::step])
+    measured = []
+    for name, seen in zip('HG', robot.moved(crank), strict=True):
+        measured.append(series_of('point', name, robot.times, seen, encoder, noise=NOISE))
+    calibration = calibrate(DRAWN, measured)
+    assert (np.abs(errors(calibration, robot)) < 4.0).all()
+    assert (calibration.crank_gap > 0.0) == is_named
+    text = ' '.join(text_lines(calibration, []))
+    assert ('between samples of its encoder' in text) == is_named
+    assert is_named or calibration.crank_noise == pytest.approx(noise, rel=0.1, abs=1e-4)
 
 
 def test_residuals_beyond_the_stated_noise_enlarge_the_standard_errors() -> None:
@@ -563,6 +566,6 @@ def test_the_last_of_several_turns_is_predicted() -> None:
         seen = robot.seen(name) + 4.0 * NOISE * is_last[:, None]
         measured.append(robot.series(name, seen, noise=NOISE))
     calibration = calibrate(DRAWN, measured)
-    assert calibration.held_out is not None
-    assert calibration.held_out > 2.0
+    # A fit of both turns would be half as far away from the last.
+    assert calibration.held_out == pytest.approx(math.hypot(1.0, 4.0), rel=0.1)
     assert any('last turn, predicted' in line for line in text_lines(calibration, []))
