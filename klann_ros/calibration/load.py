@@ -195,7 +195,7 @@ def load_run(
         quantities.append(
             Quantity(kind, request.name, samples.times, samples.values, noise, source)
         )
-    tracked = {point.name for point in crank_points(leg.linkage)} & {r.name for r in requests}
+    tracked = crank_points(leg.linkage).keys() & {request.name for request in requests}
     crank = _crank_samples(crank_topics, messages, leg, start, is_needed=not tracked)
     return paired(leg, quantities, crank, angle_unit)
 
@@ -297,14 +297,13 @@ def paired(
             if unit or _misfit(leg, in_degrees) < MAX_UNIT_MISFIT * _misfit(leg, loaded):
                 return in_degrees
         return loaded
-    candidates = crank_points(leg.linkage)
-    for point in candidates:
-        for quantity in quantities:
-            if quantity.name == point.name:
-                encoder = TrackedCrank.by_point(point, quantity.times, quantity.values)
-                note = f'the crank is that of the tracked point {point.name}'
-                return Loaded(_series(quantities, encoder), [note])
-    names = listed([point.name for point in candidates], 4) or 'none'
+    tracked = crank_points(leg.linkage)
+    by_name = {quantity.name: quantity for quantity in quantities}
+    name = next((name for name in tracked if name in by_name), None)
+    if name is not None:
+        encoder = TrackedCrank.by_point(tracked[name], by_name[name].times, by_name[name].values)
+        return Loaded(_series(quantities, encoder), [f'the crank is that of the point {name}'])
+    names = listed(tracked, 4) or 'none'
     raise MeasurementError(
         f'there is no angle of the crank: name its column, as --column crank=2, its topic with '
         f'--crank, or track a point of the crank ({names})'

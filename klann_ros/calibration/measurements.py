@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, TypeAlias
 
 from klann_ros.kinematics import Linkage, linkage_poses
 from klann_ros.kinematics.angles import TURN
@@ -110,45 +110,34 @@ def series_of(
     )
 
 
-class TrackedPoint(NamedTuple):
-    """A point of the crank: its radius [m] and its angle from the crank's [rad]."""
-
-    name: str
-    radius: float
-    angle: float
-
-
-def crank_points(linkage: Linkage) -> list[TrackedPoint]:
-    """Return the points that turn with the crank, the one with the largest radius first."""
+def crank_points(linkage: Linkage) -> dict[str, float]:
+    """Return the angles of points from the crank that they turn with [rad], the farthest first."""
     alphas = np.linspace(0.0, TURN, 48, endpoint=False)
     poses = linkage_poses(linkage, alphas, points=True, velocities=True)
     is_reached = np.flatnonzero(poses.reason == 0)
     points = np.asarray(poses.points)[is_reached] @ (1.0, 1j)
     # The derivative of A + r exp(i alpha) is i times the arm.
     arms = np.asarray(poses.points_1)[is_reached] @ (-1j, 1.0)
-    tracked = []
-    for n, name in enumerate(linkage.structure.points):
-        moves = np.abs(points[:, n] - arms[:, n] - points[0, n] + arms[0, n]).max()
-        radius = float(np.abs(arms[0, n]))
-        if len(is_reached) > 1 and max(moves, 1e-6 * linkage.size) < 1e-3 * radius:
-            angle = float(np.angle(arms[0, n])) - alphas[is_reached[0]]
-            tracked.append(TrackedPoint(name, radius, angle))
-    return sorted(tracked, key=lambda point: -point.radius)
+    centre_moves = np.ptp(np.abs(points - arms - points[0] + arms[0]), axis=0)
+    angles = {}
+    for n in np.argsort(-np.abs(arms[0])):
+        if centre_moves[n] + 1e-6 * linkage.size < 1e-3 * abs(arms[0, n]):
+            angle = float(np.angle(arms[0, n])) - float(alphas[is_reached[0]])
+            angles[linkage.structure.points[n]] = angle
+    return angles
 
 
 class TrackedCrank(CrankSamples):
     """The crank's angles by a tracked point of it, at the times of the frames alone."""
 
     @classmethod
-    def by_point(
-        cls, point: TrackedPoint, times: FloatArray, values: FloatArray
-    ) -> 'TrackedCrank':
-        """Return the angles of a point, shape (n, 2), about the centre of its circle."""
+    def by_point(cls, angle: float, times: FloatArray, values: FloatArray) -> 'TrackedCrank':
+        """Return the crank's angles by a point at an angle from it [rad], shape (n, 2)."""
         stamps, places = _cleaned(times, values)
         columns = np.column_stack([2.0 * places, np.ones(len(places))])
         squares = (places**2).sum(axis=1)
         arms = (places - np.linalg.lstsq(columns, squares, rcond=None)[0][:2]) @ (1.0, 1j)
-        return cls(stamps, np.unwrap(np.angle(arms)) - point.angle)
+        return cls(stamps, np.unwrap(np.angle(arms)) - angle)
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions [rad], NaN between the frames, and rates, which are not known, of 0."""

@@ -29,6 +29,6 @@ if TYPE_CHECKING:
         save_folder,
         save_texts,
     )
-    from .tables import decoded_text, harmless, read_table, TableRow, TextTable, write_table
+    from .tables import decoded_text, harmless, read_table, TableRow, write_table
 else:
     __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -24,19 +24,11 @@ class TableRow(NamedTuple):
     cells: dict[str, str]
 
 
-class TextTable(NamedTuple):
-    """A table: the names of its columns, the delimiter of its cells, and its rows."""
-
-    columns: list[str]
-    delimiter: str
-    rows: list[TableRow]
-
-
 def read_table(
     path: str, columns: Sequence[str], error_type: type[Exception], max_size: int
-) -> TextTable:
+) -> list[TableRow]:
     """
-    Return a table with these columns and any others, without its empty rows.
+    Return the rows of a table with these columns and any others, without empty ones.
 
     The names of these columns may be in capitals. The encoding, the delimiter and quotes are those
     of any spreadsheet. A short row lacks its last columns. An error of `error_type` in one line
@@ -76,7 +68,7 @@ def read_table(
             rows.append(TableRow(place, reader.line_num, by_name))
     except csv.Error as error:
         raise error_type(f'{file}, line {reader.line_num}: {error}') from error
-    return TextTable(names, delimiter, rows)
+    return rows
 
 
 def write_table(rows: Iterable[Iterable[object]], file: BinaryIO, encoding: str = 'utf-8') -> None:

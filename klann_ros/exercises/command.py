@@ -219,7 +219,7 @@ def read_students(path: str) -> dict[str, str]:
 
 def _rows(path: str, *columns: str) -> list[TableRow]:
     """Return the rows of a table; a short one ends with empty cells."""
-    rows = read_table(path, columns, ExerciseError, MAX_TABLE).rows
+    rows = read_table(path, columns, ExerciseError, MAX_TABLE)
     return [row._replace(cells=dict.fromkeys(columns, '') | row.cells) for row in rows]
 
 

@@ -115,7 +115,7 @@ def test_a_filmed_leg_is_calibrated_without_an_encoder() -> None:
     for n, marker in enumerate(MARKERS):
         quantities.append(Quantity('point', marker, times, tracks[:, n]))
     loaded = paired(leg, quantities, None)
-    assert loaded.notes == ['the crank is that of the tracked point B']
+    assert loaded.notes == ['the crank is that of the point B']
     # The scale is that of the drawing, within the tolerance of a workshop.
     calibration = calibrate(leg.linkage, loaded.measured, camera='tilt', prior=5e-4)
     deviations = calibration.standard_errors[: len(numbers)]

@@ -478,7 +478,7 @@ def test_a_crank_that_stands_calibrates_nothing() -> None:
 
 def filmed(robot: Robot, see: Any, points: str = 'BHG') -> list[Any]:
     """Return points as a camera sees them, with the crank of the first."""
-    (pin,) = [point for point in crank_points(DRAWN) if point.name == points[0]]
+    pin = crank_points(DRAWN)[points[0]]
     rng = np.random.default_rng(robot.seed)
     views = [see(robot.place(name)) for name in points]
     noises = [

@@ -108,7 +108,7 @@ def test_a_tracked_pin_is_the_crank(tmp_path: Path, capsys: Capture, header: str
     built = tmp_path / 'built.yaml'
     assert main([str(file), '--leg', 'sem104', '-o', str(built)]) == 0
     printed = capsys.readouterr().out
-    assert 'the crank is that of the tracked point B' in printed
+    assert 'the crank is that of the point B' in printed
     assert 'phase' not in printed
     length = robot_of(str(built)).legs[0].linkage.dimensions['l_gh']
     assert length == pytest.approx(ROBOT.linkage.dimensions['l_gh'], abs=5e-4)
