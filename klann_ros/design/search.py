@@ -10,7 +10,7 @@ from time import monotonic
 from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.engines import EngineError, parallel_map, TaskError
-from klann_ros.kinematics import GeometryError, Variants
+from klann_ros.kinematics import GeometryError
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray, IndexArray
 from klann_ros.sanitize.text import counted
 import numpy as np
@@ -227,10 +227,11 @@ def search(
     run = partial(_in_order, jobs=jobs, engine=engine)
     # The populations of a resumed search are judged again.
     islands = _all_scores(requirements, state)
-    has_compromises = requirements.target is None and len(requirements.cheap_aims) == 1
-    compromise_count = min(MAX_COMPROMISES, evaluations // 10) if has_compromises else 0
+    has_one_aim = requirements.target is None and len(requirements.cheap_aims) == 1
+    max_compromises = MAX_COMPROMISES if has_one_aim else 0
+    in_rounds = evaluations - min(max_compromises, evaluations // 10)
     try:
-        while share := _share(state, evaluations, evaluations - compromise_count):
+        while share := _share(state, evaluations, in_rounds):
             last_evaluations = state.evaluations
             state, islands = _next_round(
                 requirements, state, islands, seed=seed, share=share, run=run
@@ -246,9 +247,9 @@ def search(
         if not any(x is not None for x in state.populations):
             raise
         is_interrupted = True
-    remaining = min(MAX_COMPROMISES, evaluations - state.evaluations) if has_compromises else 0
+    count = min(max_compromises, evaluations - state.evaluations)
     search_result = _proven_legs(
-        requirements, state, islands, seed=seed, run=run, compromise_count=remaining
+        requirements, state, islands, seed=seed, run=run, compromise_count=count
     )
     return replace(search_result, is_interrupted=is_interrupted)
 
@@ -420,8 +421,9 @@ def _proven_legs(
     # Shapes relative to the plane as far as requirements leave it free.
     target = requirements.target
     can_turn = target is not None and target.can_turn
-    shape_of = partial(leg_shape, can_turn=can_turn)
-    remaining = [(candidate, shape_of(candidate.linkage)) for candidate in candidates]
+    remaining = []
+    for candidate in candidates:
+        remaining.append((candidate, leg_shape(candidate.linkage, can_turn=can_turn)))
     while remaining and len(legs) < requirements.count:
         batch, remaining = _next_batch(remaining, shapes, requirements.count - len(legs))
         answers = run(partial(_proven, requirements), [candidate for candidate, _ in batch])
@@ -471,22 +473,18 @@ def _next_batch(
 
 def _survivors(requirements: Requirements, islands: Sequence[IslandScores]) -> list[Survivor]:
     """Return the candidates that hold the limits of the evolution."""
-    survivors = []
-    seen = set()
+    # Candidates that migrated are in two islands.
+    survivors: dict[tuple[int, bytes], Survivor] = {}
     for island in islands:
         for i in np.flatnonzero(island.holds).tolist():
-            # Candidates that migrated are in two islands.
             survivor = _survivor(requirements, island, i)
-            key = survivor.space, survivor.x.tobytes()
-            if key not in seen:
-                seen.add(key)
-                survivors.append(survivor)
-    return survivors
+            survivors.setdefault((survivor.space, survivor.x.tobytes()), survivor)
+    return [*survivors.values()]
 
 
 def _survivor(requirements: Requirements, island: IslandScores, i: int) -> Survivor:
     space = island.island % len(requirements.spaces)
-    figures = _candidate_figures(island, i)
+    figures = {name: float(column[i]) for name, column in island.scores.figures.items()}
     return Survivor(space, island.x[i], island.scores.losses[i], figures)
 
 
@@ -521,11 +519,6 @@ def _compromises(
     between = np.reshape(best.x + steps * (ends - best.x), (-1, len(best.x)))
     space = requirements.space(best.space)
     return IslandScores(best.space, between, scores(requirements, space, between))
-
-
-def _candidate_figures(island: IslandScores, i: int) -> dict[str, float]:
-    """Return the figures of a candidate of an island."""
-    return {name: float(column[i]) for name, column in island.scores.figures.items()}
 
 
 def _refusal_reasons(
@@ -613,12 +606,9 @@ def _fitted(requirements: Requirements, survivor: Survivor) -> FittedCandidate |
 def _proven(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg | CandidateRefusal:
     """Return a leg with its proof; or why it is none."""
     try:
-        leg = prove(requirements, candidate)
+        return prove(requirements, candidate)
     except ProofError as error:
         return CandidateRefusal(str(error), error.limit, error.value)
-    # The leg that is written was refined, moved and rounded.
-    figures = variant_scores(requirements.without_motion(), Variants(leg.linkage, {})).figures
-    return replace(leg, expected={name: float(column[0]) for name, column in figures.items()})
 
 
 def _max_loss(aim: Aim, state: State, best_loss: float) -> float:
@@ -629,11 +619,7 @@ def _max_loss(aim: Aim, state: State, best_loss: float) -> float:
 
 
 def _best(aims: Sequence[Aim], legs: Sequence[FoundLeg], state: State) -> list[FoundLeg]:
-    """
-    Return the legs that no other dominates by the figures of their sheets, by the first aim.
-
-    With one aim these are the good ones.
-    """
+    """Return the legs that no other dominates, or that are good by one aim, the best first."""
     if not legs:
         return []
     losses = np.empty((len(legs), len(aims)))
