@@ -171,6 +171,14 @@ def test_an_exact_point_outweighs_a_pose_out_of_reach() -> None:
         assert abs(number - drawn) <= 0.2 * drawn + 1e-9
 
 
+def test_a_path_is_followed_through_an_exact_point() -> None:
+    h = linkage_poses(HIDDEN, np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)).h
+    path = {'points': h.tolist(), 'move': False, 'turn': False, 'scale': False}
+    (leg,) = searched({'path': path, **exact(1.0)}).legs
+    assert leg.reached['exact_error'] < EXACT_ERROR
+    assert leg.reached['path_error'] < 1e-3 * np.ptp(h, axis=0).max()
+
+
 def test_an_exact_point_out_of_reach_is_a_reason() -> None:
     search_result = searched({'poses': {'at': [{'x': 9, 'y': 9, 'exact': True}]}})
     assert not search_result.legs
