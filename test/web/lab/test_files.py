@@ -1,5 +1,7 @@
 """What the lab saves solver_node loads, files mean the same to both, and bombs do nothing."""
 
+from importlib import resources
+import json
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +58,11 @@ function answer({ texts, klann, isYaml }) {
   });
 }
 """
+
+
+SCHEMA = json.loads(
+    (resources.files('klann_ros.kinematics.linkage') / 'schema.json').read_text(encoding='utf-8')
+)
 
 
 def read_in_node(texts: list[str], *, is_yaml: bool) -> list[dict[str, Any]]:
@@ -194,3 +201,15 @@ def test_many_entangled_bodies_do_not_keep_the_page_busy() -> None:
     text = head + '\n'.join([*bodies, f'start: {{{start}}}\n'])
     (answer,) = read_in_node([text], is_yaml=False)
     assert 'refused' in answer
+
+
+def test_every_key_of_a_linkage_file_is_read() -> None:
+    text = TEXTS['four_bar'] + (
+        'at_change_points: crossed\n'
+        'springs: [{from: A, to: [0, 1], stiffness: 2, free_length: 3}]\n'
+        'torsion_springs: [{joint: A, between: [theta2, theta3], stiffness: 1, rest_angle: 9}]\n'
+    )
+    assert linkage_from_text(text, 'all').at_change_points == 'crossed'
+    assert {*parse(text)} | {'assembly'} == {*SCHEMA['properties']}
+    (answer,) = read_in_node([text], is_yaml=False)
+    assert 'refused' not in answer

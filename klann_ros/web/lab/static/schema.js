@@ -198,6 +198,15 @@ const LINKAGE_RULES = record(['name', 'pivots', 'crank', 'foot', 'bodies'], {
     }),
     0,
   ),
+  torsion_springs: listOf(
+    record(['joint', 'between', 'stiffness'], {
+      joint: aName,
+      between: listOf(aName, 2),
+      stiffness: anAmount,
+      rest_angle: aNumber,
+    }),
+    0,
+  ),
   bodies: mapOf(aBody, 1),
   start: mapOf(aNumber, 0),
   assembly: listOf(oneOf(1, -1), 1),
