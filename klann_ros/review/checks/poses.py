@@ -134,10 +134,10 @@ def _flipped_meaning(leg: LegRecording, first: int) -> str:
         begin, end = path_angles(leg, leg.solver.leg)[[first - 1, first]]
         for point in linkage.change_points.points:
             behind = float(wrapped(end - point.beta)) * np.sign(end - begin)
-            if 0.0 <= behind <= abs(end - begin) + _CHANGE_POINT_DELAY:
+            if -1e-9 <= behind <= abs(end - begin) + _CHANGE_POINT_DELAY:
                 unknowns = linkage.blocks[point.block - 1].unknowns
                 return (
-                    f'at the change point at {degrees(point.beta) % 360.0:.4g} deg '
+                    f'at the change point at {round(degrees(point.beta), 6) % 360.0:.4g} deg '
                     f'({", ".join(linkage.structure.angles[j] for j in unknowns)}) it took the '
                     'other of the two motions that meet there'
                 )

@@ -58,7 +58,7 @@ def test_they_are_differences_of_poses(name: str) -> None:
         return linkage_poses(varied, ALPHAS, angles=True, points=True)
 
     # Other dimensions have no change points: their signs stay, from the start on.
-    signs = [linkage.change_points.signs(alpha) for alpha in ALPHAS.tolist()]
+    signs = [linkage.signs(alpha) for alpha in ALPHAS.tolist()]
     where = np.array([sign == linkage.assembly for sign in signs])
     if linkage.change_points:
         where &= (np.sin(poses.transmission_angles) > 0.3).all(axis=-1)
