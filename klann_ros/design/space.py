@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from math import radians
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import FIXED, LENGTH_UNITS, Linkage, Variants
+from klann_ros.kinematics import LENGTH_UNITS, Linkage, moved_numbers, Variants
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import RobotLeg
 from klann_ros.sanitize.text import did_you_mean, printable
@@ -88,17 +88,11 @@ class Space:
 
     def _place(self, columns: dict[str, Any], motion: Mapping[str, FloatArray]) -> None:
         """Turn linkages about the origin, and move them."""
-        structure = self.linkage.structure
         numbers = {**self.linkage.dimensions, **columns}
         x, y, turn = (motion.get(name, 0.0) for name in PLACE)
-        for name in structure.pivots:
-            z = numbers[f'{name}.x'] + 1j * numbers[f'{name}.y']
-            placed = z * np.exp(1j * turn) + x + 1j * y
-            columns |= {f'{name}.x': placed.real, f'{name}.y': placed.imag}
-        for d in structure.dimensions:
-            if d.kind == 'bend' and structure.frames[structure.bars[d.place][0]] == FIXED:
-                angle = numbers[d.name] + d.sense * turn + np.pi
-                columns[d.name] = np.remainder(angle, 2.0 * np.pi) - np.pi
+        factor = np.exp(1j * turn)
+        moved = moved_numbers(self.linkage.structure, [*numbers.values()], factor, x + 1j * y)
+        columns |= dict(zip(numbers, moved, strict=True))
 
     def sample(self, random: np.random.Generator, count: int) -> FloatArray:
         """Return random candidates, shape (n, d); the first is the linkage as drawn."""

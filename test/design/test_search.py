@@ -171,7 +171,9 @@ def test_a_candidate_that_jams_never_beats_one_that_turns() -> None:
         'lift': {'at_most': 1e-9},
     }
     figures = {**limits, 'path_error': {'at_most': 1e-9}, 'height': 'minimize'}
-    requirements = requirements_from({'linkage': 'klann', 'path': path, 'figures': figures})
+    requirements = requirements_from(
+        {'linkage': 'klann', 'units': {'length': 'm'}, 'path': path, 'figures': figures}
+    )
     (space,) = requirements.spaces
     x = space.sample(np.random.default_rng(0), 60)
     turns = judge(space.variants(x), frozenset()).turns
