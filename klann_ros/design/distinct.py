@@ -15,7 +15,7 @@ import numpy as np
 
 # Crank angles of a shape, an even number, and the median distance of the joints of one leg from
 # those of another up to which they are the same, relative to the rms distance from their centre.
-# The median, as near a dead point joints move far by a change that nobody can cut.
+# The median: near a dead point joints move far by a change below any workshop's tolerance.
 SHAPE_ANGLES = 24
 SAME_SHAPE = 0.01
 

@@ -326,9 +326,9 @@ def _migrated(
             migrated.append(islands[n])
             continue
         best = neighbour.of(np.arange(min(MIGRANTS, len(island.x))))
-        others = island.of(np.arange(len(island.x) - len(best.x)))
-        x = np.concatenate([others.x, best.x])
-        migrated.append(island._replace(x=x, scores=joined([others.scores, best.scores])))
+        residents = island.of(np.arange(len(island.x) - len(best.x)))
+        x = np.concatenate([residents.x, best.x])
+        migrated.append(island._replace(x=x, scores=joined([residents.scores, best.scores])))
     return migrated
 
 
@@ -455,12 +455,8 @@ def _proven_legs(
 def _next_batch(
     candidates: Sequence[_ShapedCandidate], shapes: Sequence[ComplexArray], count: int
 ) -> tuple[list[_ShapedCandidate], list[_ShapedCandidate]]:
-    """
-    Return candidates to prove that are different legs, and those for later.
-
-    What is the same leg as a proven one, by its shape, is left out; what is the same as one of
-    the batch is for later, as that one may not pass the proof.
-    """
+    """Return different legs to prove, unlike the proven `shapes`, and candidates for later."""
+    # A copy of a leg in the batch is for later, as that leg may not pass the proof.
     batch: list[_ShapedCandidate] = []
     later: list[_ShapedCandidate] = []
     for candidate in candidates:
