@@ -34,7 +34,7 @@ def searched(content: Mapping[str, Any], evaluations: int = 480) -> SearchResult
 
 @pytest.fixture(autouse=True)
 def fewer_candidates(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules[search.__module__], 'REFINED_CANDIDATES', 4)
+    monkeypatch.setattr(sys.modules[search.__module__], 'REFINED_CANDIDATES', 2)
 
 
 def refusal(linkage: Linkage, content: Mapping[str, Any]) -> ProofError:
@@ -230,7 +230,7 @@ def is_inside(area: Mapping[str, Any], z: Any) -> Any:
     return np.abs(turns) > np.pi
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(st.sampled_from(AREAS), number, number, number, number)
 def test_the_clearance_of_a_bar_is_that_of_all_its_points(
     area: dict[str, Any], x: float, y: float, u: float, v: float
