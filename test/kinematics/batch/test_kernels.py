@@ -30,7 +30,8 @@ def folder(tmp_path: Path) -> Path:
     ignore = shutil.ignore_patterns('__pycache__')
     for name in ('kinematics', 'sanitize'):
         shutil.copytree(PACKAGE / name, tmp_path / 'klann_ros' / name, ignore=ignore)
-    shutil.copy(PACKAGE / '__init__.py', tmp_path / 'klann_ros')
+    for name in ('__init__.py', 'lazy_face.py'):
+        shutil.copy(PACKAGE / name, tmp_path / 'klann_ros')
     return tmp_path
 
 
