@@ -9,6 +9,7 @@ the nearest pose in it, led on along its tangent.
 from bisect import bisect_left
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache, partial
 from math import isnan
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -36,9 +37,8 @@ CROSSING_NODES = 8
 MAX_CROSSING_ERROR = 1e-4
 MAX_RATE_ERROR = 1e-2
 _BEFORE = -np.arange(1.0, CROSSING_NODES + 1)
-_POWERS = np.arange(CROSSING_NODES)
 # The weights of the poses before it at one step beyond it.
-_EXTRAPOLATION = np.linalg.inv(_BEFORE[:, None] ** _POWERS).sum(axis=0)
+_EXTRAPOLATION = np.linalg.inv(np.vander(_BEFORE, increasing=True)).sum(axis=0)
 # Fields of a corrected pose: see LinkagePose.
 _X_AND_COEFFICIENTS = itemgetter(1, 5)
 
@@ -76,7 +76,7 @@ class Branch:
         # The turns after which all loops are back.
         self.period = 1
         self._linkage = linkage
-        self._correct: dict[tuple[int, ...], Any] = {}
+        self._functions_of = cache(partial(step_functions, linkage, tuple))
         self.change_points: list[ChangePoint] = []
         alpha, *x = start
         first = self._sample(alpha, tuple(x), linkage.assembly)
@@ -157,9 +157,7 @@ class Branch:
     def _corrected(
         self, alpha: float, guess: tuple[float, ...], signs: tuple[int, ...]
     ) -> BranchSample | None:
-        if signs not in self._correct:
-            self._correct[signs] = step_functions(self._linkage, tuple, signs).correct
-        pose = self._correct[signs](alpha, guess, TOLERANCE, ITERATIONS)
+        pose = self._functions_of(signs).correct(alpha, guess, TOLERANCE, ITERATIONS)
         if pose is None:
             return None
         x, x_1 = _X_AND_COEFFICIENTS(pose)
@@ -198,7 +196,7 @@ class Branch:
         is on another branch.
         """
         end = samples[-1].alpha
-        nodes = end - direction * CROSSING_STEP * np.arange(1.0, CROSSING_NODES + 1)
+        nodes = end + direction * CROSSING_STEP * _BEFORE
         signs = samples[-1].signs
         poses = []
         for node in nodes.tolist():

@@ -1,7 +1,8 @@
 """A leg solves a linkage; its only state is the last good pose."""
 
 from collections.abc import Sequence
-from math import ceil, hypot, isnan, remainder
+from functools import cache, partial
+from math import ceil, hypot, inf, isnan, remainder
 from sys import float_info
 from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 
@@ -19,7 +20,7 @@ from .branch import BRANCH_STEP
 from .linkage import Linkage
 from .pose import initial_guess, LinkageMotion, LinkagePose, path_pose
 from .reach import reachable_arcs
-from .step import step_functions, StepFunctions
+from .step import step_functions
 
 # Below this part of |dH/dalpha| the component along a direction is rounding.
 MIN_COMPONENT_RATIO = 8.0 * float_info.epsilon
@@ -85,9 +86,9 @@ class Leg(Generic[PoseT, MotionT]):
         self._make()
 
     def _make(self) -> None:
-        functions = step_functions(self._linkage, self.pose_class)
-        # By the signs along the path of a linkage with change points.
-        self._on_path: dict[tuple[int, ...], StepFunctions] = {}
+        # By the signs, which change along the path of a linkage with change points.
+        self._functions_of = cache(partial(step_functions, self._linkage, self.pose_class))
+        functions = self._functions_of(self._linkage.assembly)
         self._correct = functions.correct
         self._predict = functions.predict
         if self._linkage.change_points:
@@ -105,7 +106,7 @@ class Leg(Generic[PoseT, MotionT]):
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the functions: `__setstate__` makes them."""
         state = dict(self.__dict__)
-        for name in ('_correct', '_predict', '_velocity', '_acceleration', '_on_path'):
+        for name in ('_correct', '_predict', '_velocity', '_acceleration', '_functions_of'):
             del state[name]
         return state
 
@@ -223,23 +224,14 @@ class Leg(Generic[PoseT, MotionT]):
             wraps = round((alpha - last[0] - remainder(alpha - last[0], TURN)) / TURN)
             turns = (last.turns - wraps) % linkage.change_points.period
         beta = alpha + turns * TURN
-        pose = None
-        if linkage.interpolated(beta) is None:
-            signs = linkage.signs(beta)
-            if signs not in self._on_path:
-                self._on_path[signs] = step_functions(linkage, self.pose_class, signs)
-            step = 0.0 if last is None else remainder(alpha - last[0], TURN)
-            limits = tolerance, MAX_ITERATIONS
-            if last is not None and abs(step) <= max_crank_step:
-                args = alpha, step, last.x, last.coefficients, *limits
-                pose = self._on_path[signs].predict(*args)
-            if pose is None:
-                guess = initial_guess(linkage, beta)
-                pose = self._on_path[signs].correct(alpha, guess, *limits)
-        if pose is None:
-            # Near a change point Newton-Raphson has no way of its own.
-            return self.pose_class(*path_pose(linkage, alpha, turns))
-        return pose._replace(turns=turns) if turns else pose
+        step = inf if last is None else remainder(alpha - last[0], TURN)
+        # Near a change point Newton-Raphson has no way of its own.
+        if abs(step) <= max_crank_step and linkage.interpolated(beta) is None:
+            predict = self._functions_of(linkage.signs(beta)).predict
+            pose = predict(alpha, step, last.x, last.coefficients, tolerance, MAX_ITERATIONS)
+            if pose is not None:
+                return pose._replace(turns=turns) if turns else pose
+        return self.pose_class(*path_pose(linkage, alpha, turns))
 
     def _take_steps(self, alpha: float, step: float, last: Any) -> Any:
         """Return the pose at a crank angle, a step from the last; None if a part fails."""
@@ -333,9 +325,8 @@ class Leg(Generic[PoseT, MotionT]):
             raise errors.SingularPoseError(pose.crank_angle)
         if self._linkage.change_points:
             # The motion goes on through a change point, but no other dimensions have one.
-            u = pose.vectors
-            for block in self._linkage.blocks:
-                if abs(block.sine(u)) <= block.singular_sine:
+            for sine, block in zip(pose.sines, self._linkage.blocks, strict=True):
+                if sine <= block.singular_sine:
                     raise errors.SingularPoseError(pose.crank_angle)
         x_gradient, h_gradient = self._linkage.derivatives(pose.crank_angle, pose.x)
         return LinkagePoses(

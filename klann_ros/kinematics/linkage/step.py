@@ -11,7 +11,7 @@ The source of a four-bar; `predict` differs from `correct` in its first lines al
 >>> from klann_ros.kinematics import FourBar
 >>> linkage = FourBar(180, 80, 200, 150).linkage
 >>> source = StepSource(linkage.structure)
->>> print(source.text(source.constants(linkage)))
+>>> print(source.text(source.constants(linkage, linkage.assembly)))
 def make(kind, linkage, a0, d0, a1, d1, a2, d2, c0x, c0y, hx, hy, rounding0, ...):
     def correct(p0, guess, tolerance, max_iterations):
         (p1, p2,) = guess
@@ -214,11 +214,8 @@ class StepSource:
     def _coupled(self) -> list[int]:
         return [b for b in self._blocks if self._source.is_coupled(b)]
 
-    def constants(
-        self, linkage: LoopEquations, signs: Sequence[int] | None = None
-    ) -> dict[str, float]:
-        """Return the constants of a linkage of this structure, in its assembly or another."""
-        assembly = linkage.assembly if signs is None else signs
+    def constants(self, linkage: LoopEquations, signs: Sequence[int]) -> dict[str, float]:
+        """Return the constants of a linkage of this structure, with the signs of its blocks."""
         constants = self._vectors.constants(linkage.bars)
         _, foot = linkage.point_rows[linkage.foot]
         for k, (_, constant) in enumerate(linkage.rows):
@@ -227,7 +224,7 @@ class StepSource:
         for b, block in enumerate(linkage.blocks):
             constants[f'rounding{b}'] = block.rounding
             # The determinant's sign, and the limits below which it is rounding, or singular.
-            constants[f'sign{b}'] = assembly[b] * self._source.sine_sign(b)
+            constants[f'sign{b}'] = signs[b] * self._source.sine_sign(b)
             constants[f'least{b}'] = -block.rounding_of_sine * block.scale
             constants[f'singular{b}'] = block.singular_sine * block.scale
             constants[f'inverse{b}'] = 1.0 / block.scale
@@ -483,14 +480,14 @@ _makers: dict[Structure, tuple[StepSource, Callable[..., Any]]] = {}
 
 
 def step_functions(
-    linkage: LoopEquations, kind: type[tuple[Any, ...]], signs: Sequence[int] | None = None
+    linkage: LoopEquations, kind: type[tuple[Any, ...]], signs: Sequence[int]
 ) -> StepFunctions:
-    """Return the functions of a linkage, for a class of poses; by default in its assembly."""
+    """Return the functions of a linkage, for a class of poses, with the signs of its blocks."""
     structure = linkage.structure
     if structure not in _makers:
         source = StepSource(structure)
         name = f'<klann_ros step {len(_makers)}>'
-        _makers[structure] = source, _compile(source.text(source.constants(linkage)), name)
+        _makers[structure] = source, _compile(source.text(source.constants(linkage, signs)), name)
     source, make = _makers[structure]
     return StepFunctions(*make(kind, linkage, **source.constants(linkage, signs)))
 
