@@ -40,7 +40,7 @@ def moved_numbers(
             moved.append(np.real(pivot) if d.kind == 'x' else np.imag(pivot))
         elif structure.frames[structure.bars[d.place][0]] == FIXED:
             angle = number + d.sense * np.angle(factor)
-            moved.append(np.remainder(angle + np.pi, TURN) - np.pi)
+            moved.append(angle - TURN * np.round(angle / TURN))
         else:
             moved.append(number)
     return moved

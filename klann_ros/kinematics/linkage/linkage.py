@@ -226,15 +226,7 @@ class Linkage(LoopEquations):
             The factor is not positive, or a length gets too large or too small.
 
         """
-        factor = validation.positive_factor(factor)
-        numbers = list(self.numbers)
-        for n, dimension in enumerate(self.structure.dimensions):
-            if dimension.unit == 'm':
-                numbers[n] *= factor
-        start = [] if self.is_dyadic else [*self.start]
-        for j in self.structure.line_of if start else ():
-            start[j] *= factor
-        return self._with(numbers=numbers, **self._mode(start, self.assembly))
+        return self.moved(validation.positive_factor(factor))
 
     def moved(self, factor: complex, shift: complex = 0j) -> 'Linkage':
         """
@@ -309,7 +301,7 @@ class Linkage(LoopEquations):
 
     def interpolated(self, beta: float) -> InterpolatedPose | None:
         """Return the pose at a path angle near a change point; None elsewhere."""
-        return self.change_points.interpolated(beta) if self.change_points else None
+        return self.change_points.interpolated(beta)
 
     @cached_property
     def start(self) -> tuple[float, ...]:
