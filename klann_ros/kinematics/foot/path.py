@@ -154,7 +154,7 @@ class FootPath:
             unit = f' {self.unit}'.rstrip()
             limit = f'it must be finite and at least {rounding:.3g}{unit}'
             raise ValueError(f'ground = {ground!r}{unit} is refused: {limit}')
-        if self._width > 1.5 * TURN:
+        if self._width > TURN:
             raise NoStanceError(self.stride, round(self._width / TURN))
         if self.stride < rounding:
             raise NoStanceError(self.stride)

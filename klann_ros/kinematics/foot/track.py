@@ -124,12 +124,6 @@ class Track:
         """Return the solvable crank angle in [0, 2 pi) [rad]."""
         return float(self._pose(t, wrapped=True).crank_angle)
 
-    @property
-    def _turns(self) -> float:
-        """Return the length of a path of several turns, or one turn [rad]."""
-        width = self.span.end - self.span.start
-        return width if width > 1.5 * TURN else TURN
-
     def slopes(self, s: Coordinate) -> FloatArray:
         """Return ds/dalpha at the samples, shape (k,)."""
         return s.derivative(self.h, self.h_1)
@@ -166,15 +160,15 @@ class Track:
 
     def _pose(self, t: float, *, wrapped: bool = False) -> Any:
         alpha = self.span.alpha(t)
+        period = max(TURN, self.span.end - self.span.start)
         inward = 1.0 if t < pi / 2.0 else -1.0
         for offset in END_OFFSETS:
             solvable = alpha + inward * offset
-            if self._turns > TURN:
+            if period > TURN:
                 # Path angles, not the crank's next ones.
                 self._leg.reset()
             try:
-                number = wrap_positive(solvable, self._turns) if wrapped else solvable
-                return self._leg.solve(number)
+                return self._leg.solve(wrap_positive(solvable, period) if wrapped else solvable)
             except KinematicsError as caught:
                 error = caught
                 if self.span.is_turn:
