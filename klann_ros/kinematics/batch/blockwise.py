@@ -15,7 +15,7 @@ from klann_ros.kinematics.arrays import AnyArray, BoolArray, ByteArray, FloatArr
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.blocks import Block, blocks_of, solve_openings
-from klann_ros.kinematics.linkage.change_points import ChangePoints, InterpolatedPose
+from klann_ros.kinematics.linkage.change_points import ChangePoints, may_touch_zero
 from klann_ros.kinematics.linkage.dimension_derivatives import vector_derivatives
 from klann_ros.kinematics.linkage.dyads import CONTACT_ROUNDING
 from klann_ros.kinematics.linkage.equations import path_terms
@@ -47,7 +47,7 @@ class Blockwise:
     ) -> None:
         self.structure = structure = variants.base.structure
         self._signs: Any = variants.signs[:, rows, None]
-        self._interpolated: list[tuple[BoolArray, InterpolatedPose]] = []
+        self._interpolated: list[Any] = []
         self._linkage = linkage
         if linkage is None and variants.base.is_dyadic:
             pivots, bars = variants.vectors
@@ -57,13 +57,7 @@ class Blockwise:
             rows_of_loops = [path_terms(structure, path, *self._vectors) for path in loops]
             self.blocks = blocks_of(structure, rows_of_loops)
         else:
-            if linkage is None:
-                linkage = variants.base
-                # The base keeps the branch that it has followed.
-                is_base = tuple(variants.numbers[:, rows.start]) == linkage.numbers
-                if not is_base or variants.linkages is not None:
-                    linkage = variants[rows.start]
-            self._linkage = linkage
+            self._linkage = linkage = linkage or variants[rows.start]
             self.blocks = linkage.blocks
             self._pivots = [*np.reshape(linkage.pivots, (-1, 1, 1))]
             self._bars = [*np.reshape(linkage.bars, (-1, 1, 1))]
@@ -253,48 +247,31 @@ def changing_linkages(variants: Variants) -> dict[int, Linkage]:
 def _may_change(variants: Variants) -> BoolArray:
     """Return which variants may have change points."""
     base = variants.base
-    structure = base.structure
     linkages = variants.linkages
     if linkages is not None and all(linkage.is_searched for linkage in linkages):
         return np.array([bool(linkage.change_points) for linkage in linkages])
     candidates: BoolArray = (variants.numbers == np.array(base.numbers)[:, None]).all(axis=0)
-    if len(variants) == 1 and candidates[0]:
+    if candidates.all():
         return candidates
-    are_all = linkages is not None
+    has_all_screened = linkages is not None
     for point in base.change_points.points:
-        are_all |= not base.blocks[point.block - 1].is_driven
+        has_all_screened |= not base.blocks[point.block - 1].is_driven
+    solver = Blockwise(variants)
+    alphas = base.reference + np.arange(0.0, TURN, SCREENING_STEP)
     with np.errstate(all='ignore'):
-        for k, block in enumerate(base.blocks):
+        u = solver.place(alphas[None, :]) if has_all_screened else []
+        for block in solver.blocks:
             if block.is_driven:
-                terms, constant = path_terms(structure, structure.dyad_loop(k), *variants.vectors)
-                crank, link_a, link_b = (abs(terms[j]) for j in (0, *block.unknowns))
-                ground = abs(constant)
-                rounding = CONTACT_ROUNDING * (ground + crank + link_a + link_b)
-                folded = abs(abs(ground - crank) - abs(link_a - link_b))
-                stretched = abs(link_a + link_b - ground - crank)
-                candidates = candidates | (np.minimum(folded, stretched) <= rounding)
-        if are_all:
-            candidates = candidates | _have_dips(variants)
+                rounding = CONTACT_ROUNDING * sum(block.four_bar_lengths)
+                misses = np.abs(block.driven_clearances).min(axis=0)
+                candidates |= (misses <= rounding)[:, 0]
+            elif has_all_screened and block.two_branches:
+                dyad = block.dyad_solver
+                p = dyad.discriminant(dyad.span(u, block.closure_vector(u) + 0.0 * u[0]))
+                candidates |= may_touch_zero(p).any(axis=1)
     for linkage, candidate in zip(linkages or (), candidates, strict=False):
         if not candidate:
             linkage.rule_out_change_points()
-    return candidates
-
-
-def _have_dips(variants: Variants) -> BoolArray:
-    """Return which variants have a dyad whose discriminant may touch 0 where it is least."""
-    candidates: BoolArray = np.zeros(len(variants), dtype=bool)
-    alphas = (variants.base.reference + np.arange(0.0, TURN, SCREENING_STEP))[None, :]
-    solver = Blockwise(variants)
-    u = solver.place(alphas)
-    for block in solver.blocks:
-        if not block.is_driven and block.two_branches:
-            dyad = block.dyad_solver
-            p = dyad.discriminant(dyad.span(u, block.closure_vector(u) + 0.0 * u[0]))
-            before = np.roll(p, 1, axis=1)
-            after = np.roll(p, -1, axis=1)
-            is_dip = (p <= before) & (p <= after) & (p <= 0.25 * (before - 2.0 * p + after))
-            candidates |= is_dip.any(axis=1)
     return candidates
 
 

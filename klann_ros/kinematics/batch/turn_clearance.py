@@ -47,9 +47,9 @@ def turn_clearances(variants: Variants) -> FloatArray:
     search = _SlidingClearances(variants) if slides else _PinnedClearances(variants)
     clearances = np.full((len(variants), len(variants.base.blocks)), np.nan)
     closing = np.arange(len(variants))
-    for k, block in enumerate(variants.base.blocks):
-        if isinstance(search, _PinnedClearances) and block.is_driven:
-            smallest = search.driven(k)[closing]
+    for k, block in enumerate(Blockwise(variants).blocks):
+        if block.is_driven:
+            smallest = np.minimum(*block.driven_clearances)[closing, 0]
         else:
             smallest = search.smallest(k, closing)
         clearances[closing, k] = np.where(np.isnan(smallest), -np.inf, smallest)
@@ -66,10 +66,9 @@ def driven_clearances(variants: Variants) -> FloatArray:
     """Return the smallest clearance of the dyads driven by the crank alone, shape (n,) [m]."""
     smallest = np.full(len(variants), np.inf)
     if variants.base.two_circles:
-        search = _PinnedClearances(variants)
-        for k, block in enumerate(variants.base.blocks):
+        for block in Blockwise(variants).blocks:
             if block.is_driven:
-                smallest = np.fmin(smallest, search.driven(k))
+                smallest = np.fmin(smallest, np.minimum(*block.driven_clearances)[:, 0])
     return smallest
 
 
@@ -94,16 +93,6 @@ class _PinnedClearances:
     @cached_property
     def _constants(self) -> FloatArray:
         return constants(self._program, self._terms, self._count)
-
-    def driven(self, k: int) -> FloatArray:
-        """Return the smallest clearance of a dyad driven by the crank alone, shape (n,) [m]."""
-        path = self._structure.dyad_loop(k)
-        crank = np.abs(self._terms.body(path, 0))
-        ground = np.abs(self._terms.fixed(path))
-        r_a, r_b = self._terms.link_lengths(k)
-        stretched = r_a + r_b - (crank + ground)
-        folded = abs(crank - ground) - abs(r_a - r_b)
-        return np.asarray(np.minimum(stretched, folded))
 
     def smallest(self, k: int, indices: IndexArray) -> FloatArray:
         """Return the smallest clearance of a dyad, for some of the linkages, shape (n,) [m]."""

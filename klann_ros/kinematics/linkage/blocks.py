@@ -10,7 +10,6 @@ The determinant of that step over the product of the columns' lengths is the sin
 between the links of a dyad, and stands for it where loops are coupled.
 """
 
-from cmath import phase
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -57,17 +56,18 @@ class Block:
         return self.is_dyad and not self.slides and {0, *self.unknowns} == self.rows[0][0].keys()
 
     @property
-    def four_bar_lengths(self) -> tuple[float, float, float, float]:
+    def four_bar_lengths(self) -> tuple[Any, Any, Any, Any]:
         """Return the ground, crank and links of a dyad that the crank alone drives [m]."""
         terms, constant = self.rows[0]
         a, b = self.unknowns
         return abs(constant), abs(terms[0]), abs(terms[a]), abs(terms[b])
 
     @property
-    def ground_angle(self) -> float:
-        """Return the crank angle at which the crank points to the fixed end [rad]."""
-        terms, constant = self.rows[0]
-        return self.structure.senses[0] * phase(-constant / terms[0])
+    def driven_clearances(self) -> tuple[Any, Any]:
+        """Return the smallest clearances of such a dyad: to folded, and to stretched [m]."""
+        ground, crank, link_a, link_b = self.four_bar_lengths
+        folded = abs(crank - ground) - abs(link_a - link_b)
+        return folded, link_a + link_b - (crank + ground)
 
     @cached_property
     def slides(self) -> bool:

@@ -20,7 +20,7 @@ polynomial through the poses at eight equal steps on both sides, whose derivativ
 motion. See `dyads` for M, r, e and q.
 """
 
-from functools import cached_property
+from functools import cache, cached_property
 from math import ceil, log2, pi, remainder
 from typing import Any, NamedTuple
 
@@ -33,7 +33,6 @@ from numpy.polynomial.polynomial import polyder, polyval
 
 from . import joints
 from .blocks import Block
-from .dyads import CONTACT_ROUNDING
 
 COURSES = PARALLEL, CROSSED, SIGN = 'parallel', 'crossed', 'sign'
 # Crank angles of the search, and the longest period of a branch [turns].
@@ -56,7 +55,7 @@ NODES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 MIDDLES = np.array([-0.5, 0.5])
 MAX_HALVINGS = 12
 INTERPOLATION_ERROR = 1e-10
-_FIT = np.linalg.inv(NODES[:, None] ** np.arange(len(NODES)))
+_FIT = np.linalg.inv(np.vander(NODES, increasing=True))
 
 
 class ChangePoint(NamedTuple):
@@ -118,6 +117,14 @@ class _Fit(NamedTuple):
         return InterpolatedPose(*derivatives)
 
 
+def may_touch_zero(p: FloatArray) -> BoolArray:
+    """Return where samples over a period, the last axis, may be next to a zero that p touches."""
+    before = np.roll(p, 1, axis=-1)
+    after = np.roll(p, -1, axis=-1)
+    is_touching: BoolArray = p <= 0.25 * (before - 2.0 * p + after)
+    return is_touching & (p <= before) & (p <= after)
+
+
 class ChangePoints:
     """The change points of a linkage on its branch; false where there are none."""
 
@@ -132,7 +139,7 @@ class ChangePoints:
         # An unreachable crank angle, if there is one: path angles are a turn from it on [rad].
         self._cut: float | None = None
         self._signs: list[SignChanges] = []
-        self._fits: dict[float, _Fit] = {}
+        self._fit = cache(self._fit_of)
         # The number of blocks that the branch of coupled loops places.
         self._branch_blocks = 0
         if linkage.at_change_points != SIGN and not is_searched:
@@ -167,11 +174,10 @@ class ChangePoints:
         for centre in self._centres:
             offsets = betas - centre
             offsets = offsets - self._span * np.round(offsets / self._span)
-            if not (np.abs(offsets) <= NODE_STEP).any():
-                continue
-            fit = self._fit(centre)
-            near = np.abs(offsets) <= fit.radius
+            near = np.abs(offsets) <= NODE_STEP
             if near.any():
+                fit = self._fit(centre)
+                near &= np.abs(offsets) <= fit.radius
                 poses.append((near, fit.at(offsets[near])))
         return poses
 
@@ -191,15 +197,12 @@ class ChangePoints:
         By the crank angle, the first ones where they differ: as many times as the order says. The
         other motion of coupled loops is not known.
         """
-        block = self._linkage.blocks[point.block - 1]
-        bodies = np.array(block.unknowns) - 1
-        derivatives: list[FloatArray] = []
-        for motion in (self._fit(point.beta), self._fit_of(point.beta, point.block)):
-            if motion is None:
-                return derivatives[0], None
-            pose = motion.at(0.0)
-            derivatives.append((pose.x_1 if point.order == 1 else pose.x_2)[bodies])
-        return derivatives[0], derivatives[1]
+        bodies = np.array(self._linkage.blocks[point.block - 1].unknowns) - 1
+        order = min(point.order, 2)
+        path = self._fit(point.beta).at(0.0)[order][bodies]
+        if point.block <= self._branch_blocks:
+            return path, None
+        return path, self._fit(point.beta, point.block).at(0.0)[order][bodies]
 
     @property
     def middle(self) -> float:
@@ -211,28 +214,20 @@ class ChangePoints:
         """Return the difference of path angles after which the poses repeat [rad]."""
         return self.period * TURN
 
-    def _fit(self, centre: float) -> _Fit:
-        """Return the interpolated poses around a change point."""
-        if centre not in self._fits:
-            # Without a fit no motion leads through it.
-            self._fits[centre] = self._fit_of(centre) or _Fit(-1.0, np.empty(0))
-        return self._fits[centre]
-
-    def _fit_of(self, centre: float, other: int = 0) -> _Fit | None:
+    def _fit_of(self, centre: float, other: int = 0) -> _Fit:
         """Return the interpolated poses around a point, or those of a dyad's other motion."""
-        if 0 < other <= self._branch_blocks:
-            return None
+        slides = [body.slides for body in self._linkage.structure.bodies[1:]]
         radius = NODE_STEP
         for _ in range(MAX_HALVINGS):
             x = self._coordinates(centre + radius * np.insert(NODES, 4, MIDDLES), other)
             fit = _Fit(radius, _FIT @ np.delete(x, [4, 5], axis=0))
             error = fit.at(radius * MIDDLES).x - x[[4, 5]]
-            slides = [body.slides for body in self._linkage.structure.bodies[1:]]
             error = np.where(slides, error / self._linkage.size, np.sin(error))
             if np.abs(error).max() <= INTERPOLATION_ERROR:
                 return fit
             radius /= 2.0
-        return None
+        # No motion leads through it.
+        return _Fit(-1.0, np.full_like(fit.coefficients, np.nan))
 
     def _coordinates(self, betas: FloatArray, other: int = 0) -> FloatArray:
         """Return the other coordinates along path angles, shape (k, n - 1)."""
@@ -279,9 +274,8 @@ class ChangePoints:
         changes = []
         for point in contacts:
             if point.order % 2:
-                offset = (point.beta - reference + SAME_ANGLE) % span - SAME_ANGLE
                 # The signs hold after a change point at the reference.
-                changes.append(offset + span if offset < SAME_ANGLE else offset)
+                changes.append((point.beta - reference - SAME_ANGLE) % span + SAME_ANGLE)
         sign = self._linkage.assembly[block.number - 1]
         if contacts and self._linkage.at_change_points == CROSSED:
             sign = -sign
@@ -304,18 +298,15 @@ class ChangePoints:
                     points.add(point._replace(beta=first + turn * span))
         return sorted(points)
 
-    def _note_miss(self, block: Block, beta: float, clearance: float, longest: float) -> None:
-        """Note a contact that is missed, or a crank angle that cannot be reached."""
-        if abs(clearance) <= NEAR_MISS * longest:
-            self.near_misses.append(NearMiss(beta, block.number, clearance))
-        if clearance < 0.0 and self._cut is None:
-            reference = self._linkage.reference
-            self._cut = beta - TURN * ceil((beta - reference) / TURN)
+    def _cut_at(self, beta: float) -> None:
+        """Let path angles end at an unreachable crank angle, the last before the reference."""
+        if self._cut is None:
+            self._cut = beta - TURN * ceil((beta - self._linkage.reference) / TURN)
 
     def _contacts(self, block: Block) -> list[ChangePoint]:
         """Return the contacts of a dyad over a period of the blocks before it."""
         longest = block.dyad_solver.dyad.length
-        rounding = CONTACT_ROUNDING * longest
+        rounding = block.dyad_solver.dyad.contact_rounding
         step = TURN / SAMPLES_PER_TURN
         count = SAMPLES_PER_TURN * self.period
         # Not at whole degrees, where the dyads before it often have theirs.
@@ -323,14 +314,12 @@ class ChangePoints:
         with np.errstate(all='ignore'):
             span, clearances = self._spans(block, betas)
             p = block.dyad_solver.discriminant(span)
-            bend = np.roll(p, 1) - 2.0 * p + np.roll(p, -1)
-            is_dip = (p <= np.roll(p, 1)) & (p <= np.roll(p, -1)) & (p <= 0.25 * bend)
+            is_dip = may_touch_zero(p)
             heights = [np.roll(-clearances, shift) for shift in (1, 0, -1)]
             self.clearances.append(-float(np.fmax.reduce(parabola_peak(*heights))))
             missed = np.flatnonzero(~(clearances >= -rounding))
             if len(missed):
-                # The last before the reference, less a turn.
-                self._note_miss(block, float(betas[missed[-1]]), -longest, longest)
+                self._cut_at(float(betas[missed[-1]]))
             if not is_dip.any():
                 return []
             dips = self._refined(block, betas[is_dip])
@@ -344,8 +333,11 @@ class ChangePoints:
                 is_free = bool(abs(span[n]) <= rounding)
                 contacts.append(ChangePoint(beta, block.number, orders[n], is_free))
                 self.clearances[-1] = 0.0
-            else:
-                self._note_miss(block, beta, clearance, longest)
+                continue
+            if abs(clearance) <= NEAR_MISS * longest:
+                self.near_misses.append(NearMiss(beta, block.number, clearance))
+            if clearance < 0.0:
+                self._cut_at(beta)
         return contacts
 
     def _refined(self, block: Block, betas: FloatArray) -> FloatArray:

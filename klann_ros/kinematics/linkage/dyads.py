@@ -72,11 +72,6 @@ class Dyad(NamedTuple):
         return max_vector_length(self.structure, [(self.terms, self.constant)])
 
     @property
-    def rounding(self) -> Any:
-        """Return the rounding of the loop [m]."""
-        return RELATIVE_ROUNDING * self.length
-
-    @property
     def contact_rounding(self) -> Any:
         """Return the tolerance of a contact [m]."""
         return CONTACT_ROUNDING * self.length
@@ -126,7 +121,7 @@ class TwoCircles:
         r_a, r_b = self.radii
         if isinstance(closure, np.ndarray):
             d = closure.real**2 + closure.imag**2
-            heron = ((r_a + r_b) ** 2 - d) * (d - (r_a - r_b) ** 2)
+            heron = self.discriminant(closure)
             excess = (r_a - r_b) * (r_a + r_b) + 1j * sign * np.sqrt(heron)
             joint = closure * (0.5 + excess / (2.0 * d))
             return joint / terms[a], (closure - joint) / terms[b]
@@ -154,7 +149,7 @@ class TwoCircles:
     def discriminant(self, span: Any) -> Any:
         """Return p by m, whose root places the joint [m^4]."""
         r_a, r_b = self.radii
-        d = abs(span) ** 2
+        d = span.real**2 + span.imag**2
         return ((r_a + r_b) ** 2 - d) * (d - (r_a - r_b) ** 2)
 
     def is_too_far(self, closure: Any) -> Any:

@@ -1,5 +1,6 @@
 """The reach of a linkage's crank: the arcs of crank angles where every loop closes."""
 
+from cmath import phase
 from collections.abc import Callable
 from contextlib import suppress
 from itertools import pairwise
@@ -94,7 +95,9 @@ def driven_arcs(block: Block) -> list[Arc]:
     start, end = crank_limits(lengths) if lengths[0] else (0.0, pi)
     if start == 0.0 and end == pi:
         return [(0.0, TURN)]
-    ground = block.ground_angle
+    # The crank angle at which the crank points to the fixed end.
+    terms, constant = block.rows[0]
+    ground = block.structure.senses[0] * phase(-constant / terms[0])
     if start == 0.0:
         return [(ground - end, ground + end)]
     if end == pi:

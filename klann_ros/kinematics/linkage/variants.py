@@ -116,8 +116,11 @@ class Variants:
         """Return one of them; a GeometryError if it is invalid."""
         if self.linkages is not None:
             return self.linkages[i]
-        changes = dict(zip(self.base.dimensions, self.numbers[:, i].tolist(), strict=True))
-        linkage = self.base.varied(changes)
+        numbers = self.numbers[:, i].tolist()
+        linkage = self.base
+        # The base keeps its branch, and its change points.
+        if tuple(numbers) != linkage.numbers:
+            linkage = linkage.varied(dict(zip(linkage.dimensions, numbers, strict=True)))
         signs = tuple(self.signs[:, i].astype(int).tolist())
         return linkage if signs == linkage.assembly else linkage.in_assembly(signs)
 
