@@ -186,19 +186,17 @@ def _built_file(
 
 def _request(text: str) -> Request:
     """Return a request NAME=TOPIC or NAME=TOPIC:KEY."""
-    name, equals, topic_and_key = text.partition('=')
+    name, topic_and_key = _assignment(text, 'NAME=TOPIC')
     topic, _, key = topic_and_key.partition(':')
-    if not (name and equals and topic):
-        raise argparse.ArgumentTypeError(f'{printable(text)} is refused: it must be NAME=TOPIC')
     return Request(name, topic, key)
 
 
-def _column(text: str) -> tuple[str, str]:
-    """Return what a column measures, and its name or number."""
-    role, equals, name = text.partition('=')
-    if not (role and equals and name):
-        raise argparse.ArgumentTypeError(f'{printable(text)} is refused: it must be WHAT=NAME')
-    return role, name
+def _assignment(text: str, form: str) -> tuple[str, str]:
+    """Return what is before and after the first equals sign."""
+    name, _, target = text.partition('=')
+    if not (name and target):
+        raise argparse.ArgumentTypeError(f'{printable(text)} is refused: it must be {form}')
+    return name, target
 
 
 def _parser() -> ArgumentParser:
@@ -218,7 +216,8 @@ def _parser() -> ArgumentParser:
     delay = 'of the points (default: known)'
     add('--delay', choices=('known', 'unknown'), default='known', help=delay)
     column = 'of a table: time=NAME, crank=NAME, H.x=NAME, ... or by number from 1 on'
-    add('--column', metavar='WHAT=NAME', type=_column, action='append', default=[], help=column)
+    add_column = partial(add, '--column', metavar='WHAT=NAME', action='append', default=[])
+    add_column(type=partial(_assignment, form='WHAT=NAME'), help=column)
     frames = 'frames a second, of a table with frames instead of times'
     add('--rate', metavar='HZ', type=FRAME_RATE, help=frames)
     unit = 'of the crank and measured angles (default: by the header, or found)'

@@ -219,11 +219,8 @@ def solved(factor: FloatArray, columns: FloatArray) -> FloatArray:
 
 def random_states(factor: FloatArray) -> FloatArray:
     """Return random states by the banded factor of their information, shape (states, many)."""
-    from scipy.linalg import solve_banded  # noqa: PLC0415
+    from scipy.linalg.lapack import dtbtrs  # noqa: PLC0415
 
-    width, count = factor.shape
-    upper = np.zeros_like(factor)
-    for n in range(width):
-        upper[width - 1 - n, n:] = factor[n, : count - n]
-    numbers = np.random.default_rng(0).standard_normal((count, SAMPLE_COUNT))
-    return np.asarray(solve_banded((0, width - 1), upper, numbers))
+    numbers = np.random.default_rng(0).standard_normal((factor.shape[1], SAMPLE_COUNT))
+    states, _ = dtbtrs(factor, numbers, uplo='L', trans='T')
+    return np.asarray(states)

@@ -311,10 +311,7 @@ def paired(
 
 
 def _series(quantities: Sequence[Quantity], crank: CrankSamples) -> list[MeasuredSeries]:
-    measured = []
-    for kind, name, times, values, noise, source in quantities:
-        measured.append(series_of(kind, name, times, values, crank, noise=noise, source=source))
-    return measured
+    return [series_of(crank=crank, **quantity._asdict()) for quantity in quantities]
 
 
 def _misfit(leg: RobotLeg, loaded: Loaded) -> float:

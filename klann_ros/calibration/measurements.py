@@ -1,11 +1,11 @@
 """Measurements of a leg: points, angles and distances, each with the crank angle at its time."""
 
+from cmath import phase
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, TypeAlias
 
-from klann_ros.kinematics import Linkage, linkage_poses
-from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics import body_points, Linkage
 from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 from klann_ros.sanitize.text import did_you_mean, printable
 import numpy as np
@@ -111,20 +111,12 @@ def series_of(
 
 
 def crank_points(linkage: Linkage) -> dict[str, float]:
-    """Return the angles of points from the crank that they turn with [rad], the farthest first."""
-    alphas = np.linspace(0.0, TURN, 48, endpoint=False)
-    poses = linkage_poses(linkage, alphas, points=True, velocities=True)
-    is_reached = np.flatnonzero(poses.reason == 0)
-    points = np.asarray(poses.points)[is_reached] @ (1.0, 1j)
-    # The derivative of A + r exp(i alpha) is i times the arm.
-    arms = np.asarray(poses.points_1)[is_reached] @ (-1j, 1.0)
-    centre_moves = np.ptp(np.abs(points - arms - points[0] + arms[0]), axis=0)
-    angles = {}
-    for n in np.argsort(-np.abs(arms[0])):
-        if centre_moves[n] + 1e-6 * linkage.size < 1e-3 * abs(arms[0, n]):
-            angle = float(np.angle(arms[0, n])) - float(alphas[is_reached[0]])
-            angles[linkage.structure.points[n]] = angle
-    return angles
+    """Return the angles of the crank's points from the crank [rad], the farthest first."""
+    crank = linkage.structure.crank
+    places = body_points(linkage.structure, linkage.bars)
+    names = () if crank.clockwise else crank.points[1:]
+    farthest_first = sorted(names, key=lambda name: -abs(places[0, name]))
+    return {name: phase(places[0, name]) for name in farthest_first}
 
 
 class TrackedCrank(CrankSamples):

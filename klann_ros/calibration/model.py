@@ -51,7 +51,8 @@ SI_UNITS = {
     CAMERA_SCALE: '1',
     **dict(zip(TILT, ('1', '1', '1/m', '1/m'), strict=True)),
 }
-# A workshop's errors: of lengths relative to the linkage's size, of angles [rad], of clocks [s].
+# A workshop's errors: of lengths and keystones relative to the linkage's size, of angles [rad], of
+# clocks [s].
 TYPICAL_ERRORS = {'m': 1e-3, 'rad': radians(1.0), 's': 0.01, '1': 0.01, '1/m': 0.01}
 
 
@@ -107,25 +108,23 @@ class MeasurementModel:
     @cached_property
     def units(self) -> FloatArray:
         """Return the units of all parameters [m, rad, s]."""
-        size = self.linkage.size
-        sizes = TYPICAL_ERRORS | {
-            'm': TYPICAL_ERRORS['m'] * size,
-            '1/m': TYPICAL_ERRORS['1'] / size,
-        }
-        return np.array([sizes[unit] for unit in self.si_units])
+        scales = {'m': self.linkage.size, '1/m': 1.0 / self.linkage.size}
+        return np.array([TYPICAL_ERRORS[unit] * scales.get(unit, 1.0) for unit in self.si_units])
 
     @cached_property
     def start(self) -> FloatArray:
         """Return the parameters of the drawing [m, rad, s]."""
-        usual = {PHASE: self.phase, CAMERA_SCALE: 1.0}
-        others = [usual.get(name, 0.0) for name in self._other_names]
+        others = map(self._usual_value, self._other_names)
         return np.array([*self.linkage.numbers, *others])
+
+    def _usual_value(self, name: str) -> float:
+        return {PHASE: self.phase, CAMERA_SCALE: 1.0}.get(name, 0.0)
 
     def value(self, parameters: FloatArray, name: str) -> float:
         """Return a parameter by its name; the usual value of one that there is not."""
         if name in self.names:
             return float(parameters[self.names.index(name)])
-        return {PHASE: self.phase, CAMERA_SCALE: 1.0}.get(name, 0.0)
+        return self._usual_value(name)
 
     def varied(self, parameters: FloatArray) -> Linkage:
         """Return the linkage with the dimensions of parameters; a GeometryError if it is none."""
@@ -236,10 +235,6 @@ class MeasurementModel:
             jacobian[..., self.names.index(name)] = derivatives[name]
         return seen + np.array([x, y]), np.einsum('nij,nj->ni', by_point, slope)
 
-    @property
-    def _camera_indices(self) -> list[int]:
-        return list(map(self.names.index, CAMERA))
-
     def residuals(self, series: MeasuredSeries, predicted: FloatArray) -> FloatArray:
         """Return predicted less measured numbers, shape (..., n, k); angles modulo a turn."""
         difference: FloatArray = predicted - series.values
@@ -251,16 +246,11 @@ class MeasurementModel:
         """Return the drawing's parameters with the camera that fits best, and what it sees."""
         start = self.start.copy()
         seen = list(values)
-        predicted_of = {}
-        observed_points = []
-        for n, series in enumerate(measured):
-            if series.kind == 'point':
-                predicted_of[n] = values[n] @ (1.0, 1j)
-                observed_points.append(series.values @ (1.0, 1j))
-        if not predicted_of or CAMERA[0] not in self.names:
+        filmed = [n for n, series in enumerate(measured) if series.kind == 'point']
+        if not filmed or CAMERA[0] not in self.names:
             return start, seen
-        predicted = np.concatenate([*predicted_of.values()])
-        observed = np.concatenate(observed_points)
+        predicted = np.concatenate([values[n] for n in filmed]) @ (1.0, 1j)
+        observed = np.concatenate([measured[n].values for n in filmed]) @ (1.0, 1j)
         is_reached = np.isfinite(predicted)
         predicted = predicted[is_reached]
         observed = observed[is_reached]
@@ -272,8 +262,9 @@ class MeasurementModel:
             start[self.names.index(CAMERA_SCALE)] = scale
             rotation = scale * rotation
         shift = observed.mean() - rotation * predicted.mean()
-        start[self._camera_indices] = shift.real, shift.imag, np.angle(rotation)
-        for n, predicted_points in predicted_of.items():
-            points = predicted_points * rotation + shift
+        camera_indices = list(map(self.names.index, CAMERA))
+        start[camera_indices] = shift.real, shift.imag, np.angle(rotation)
+        for n in filmed:
+            points = values[n] @ (1.0, 1j) * rotation + shift
             seen[n] = np.stack([points.real, points.imag], axis=-1)
         return start, seen
