@@ -29,7 +29,7 @@ from .observability import (
     ROUNDING,
     Suggestion,
 )
-from .problem import Fit, Prior, Problem
+from .problem import Fit, Prior, Problem, Whitening
 from .search import check_measurements, median_misfit, SEARCH_SAMPLES, start_parameters
 
 # Samples of each series at most: derivatives of a million take gigabytes.
@@ -96,7 +96,8 @@ class Calibration:
     series : tuple of SeriesFit
         The residuals.
     crank_noise : float
-        Standard deviation of the encoder's samples [rad]; 0 if it does not show.
+        Standard deviation of the encoder's samples [rad]; 0 if it does not show, or beside a
+        `crank_gap`.
     crank_gap : float
         Standard deviation of the crank angle between samples that are too far apart [rad]; 0 for
         samples that show its motion.
@@ -257,28 +258,19 @@ def _correction(calibration: Calibration) -> float:
     return float(np.sqrt(np.mean(corrections**2)))
 
 
-class _Hypothesis(NamedTuple):
-    """Another leg or camera, with measurements as it would see them."""
-
-    text: str
-    model: MeasurementModel
-    measured: Sequence[MeasuredSeries]
-
-
 def _explanation(model: MeasurementModel, measured: Sequence[MeasuredSeries]) -> str:
     """Return which other leg or camera the measurements fit; nothing if none of the likeliest."""
     few = [subset(series, SEARCH_SAMPLES) for series in measured]
     candidates = []
-    for hypothesis in _hypotheses(model, few):
+    for text, possible_model, seen in _hypotheses(model, few):
         with suppress(MeasurementError):
-            start = start_parameters(hypothesis.model, hypothesis.measured)
-            misfit = start.misfit
+            start = start_parameters(possible_model, seen)
             # A delay shows in the fit alone, so it is tried first.
-            if DELAY in hypothesis.model.names and DELAY not in model.names:
-                misfit = 0.0
+            is_delay = DELAY in possible_model.names and DELAY not in model.names
+            misfit = 0.0 if is_delay else start.misfit
             if misfit < MAX_MISFIT:
-                problem = Problem(start.model, hypothesis.measured, None, 0.0, start.parameters)
-                candidates.append((misfit, hypothesis.text, problem))
+                problem = Problem(start.model, seen, None, 0.0, start.parameters)
+                candidates.append((misfit, text, problem))
     candidates.sort(key=lambda candidate: candidate[0])
     for _, text, problem in candidates[:MAX_EXPLANATIONS]:
         with suppress(MeasurementError):
@@ -287,8 +279,10 @@ def _explanation(model: MeasurementModel, measured: Sequence[MeasuredSeries]) ->
     return ''
 
 
-def _hypotheses(model: MeasurementModel, few: list[MeasuredSeries]) -> Iterator[_Hypothesis]:
-    """Yield what may explain measurements that do not fit the leg."""
+def _hypotheses(
+    model: MeasurementModel, few: list[MeasuredSeries]
+) -> Iterator[tuple[str, MeasurementModel, list[MeasuredSeries]]]:
+    """Yield what may explain a misfit: in words, as a model, and measurements as it sees them."""
     drawn_mode = model.linkage.assembly
     modes = [drawn_mode]
     if drawn_mode:
@@ -298,12 +292,12 @@ def _hypotheses(model: MeasurementModel, few: list[MeasuredSeries]) -> Iterator[
         linkage = model.linkage if is_drawn else model.linkage.in_assembly(mode)
         change = f'direction {direction}' if is_drawn else f'assembly {list(mode)}'
         text = f'those of a leg with {change}: change it in the leg file'
-        yield _Hypothesis(text, replace(model, linkage=linkage, direction=direction), few)
+        yield text, replace(model, linkage=linkage, direction=direction), few
     camera_model = model
     if CAMERA[0] not in model.names:
         camera_model = replace(model, optional=(*CAMERA, *model.optional))
         text = 'those of a camera in another pose: try --camera unknown'
-        yield _Hypothesis(text, camera_model, few)
+        yield text, camera_model, few
     mirrored = []
     for series in few:
         sign = (1, -1) if series.kind == 'point' else 1
@@ -311,12 +305,12 @@ def _hypotheses(model: MeasurementModel, few: list[MeasuredSeries]) -> Iterator[
         crank = series.crank if model.has_encoder else -series.crank
         mirrored.append(replace(series, values=series.values * sign, crank=crank))
     text = 'mirrored: x must point right and y up, as on the drawing'
-    yield _Hypothesis(text, camera_model, mirrored)
+    yield text, camera_model, mirrored
     rates = np.concatenate([series.rate for series in few])
     # At an even speed a delay is another encoder zero, and explains nothing.
     if DELAY not in model.names and np.std(rates) > EVEN_SPEED * abs(np.mean(rates)):
         delay_model = replace(model, optional=(*model.optional, DELAY))
-        yield _Hypothesis('late, or early: try --delay unknown', delay_model, few)
+        yield 'late, or early: try --delay unknown', delay_model, few
 
 
 def _calibration(problem: Problem, max_misfit: float = MAX_MISFIT) -> Calibration:
@@ -391,6 +385,7 @@ def _prior_rows(problem: Problem, lost: FloatArray) -> FloatArray:
 class _Evidence(NamedTuple):
     """Whitened residuals and derivatives, their chi2 per degree of freedom, and information."""
 
+    whitening: Whitening
     residuals: FloatArray
     jacobian: FloatArray
     chi2: float
@@ -400,17 +395,17 @@ class _Evidence(NamedTuple):
 
 def _evidence(problem: Problem, fit: Fit) -> _Evidence:
     rows = problem.rows(fit.y)
-    # In the order of time.
-    whitening = problem.whitening(fit)
-    order = np.argsort(whitening.times, kind='stable')
-    residuals = whitening.residuals(rows.residuals)[order]
-    jacobian = whitening(rows.jacobian)[order]
+    whitening = Whitening(problem, fit)
+    residuals = whitening.residuals(rows.residuals)
+    jacobian = whitening(rows.jacobian)
     chi2 = float(residuals @ residuals) / max(1, whitening.count - len(fit.y))
     triangle: Any = np.linalg.qr(jacobian, mode='r')
     # Residuals beyond the stated noise, and those that are alike from sample to sample, make
     # larger errors.
-    scale = sqrt(max(1.0, chi2) * _inflation(residuals / sqrt(chi2), jacobian, triangle))
-    return _Evidence(residuals, jacobian, chi2, triangle / scale)
+    in_time = np.argsort(whitening.times, kind='stable')
+    inflation = _inflation(residuals[in_time] / sqrt(chi2), jacobian[in_time], triangle)
+    root = triangle / sqrt(max(1.0, chi2) * inflation)
+    return _Evidence(whitening, residuals, jacobian, chi2, root)
 
 
 def _inflation(residuals: FloatArray, jacobian: FloatArray, triangle: FloatArray) -> float:
@@ -443,6 +438,11 @@ def _result(problem: Problem, fit: Fit, held_count: int = 0) -> Calibration:
     if model.has_encoder:
         parameters[model.count] = wrap(parameters[model.count])
     has_stated_noise = all(series.noise for series in problem.measured)
+    crank_gap = problem.crank_gap(fit)
+    crank_noise = 0.0
+    # What samples that are too far apart miss of the motion is no noise.
+    if model.has_encoder and not crank_gap:
+        crank_noise = hypot(fit.crank_noise, fit.motion.noise if fit.motion else 0.0)
     return Calibration(
         drawn=model.linkage,
         linkage=model.varied(parameters),
@@ -452,10 +452,8 @@ def _result(problem: Problem, fit: Fit, held_count: int = 0) -> Calibration:
         covariance=covariance,
         observability=verdict,
         series=tuple(_series_fits(problem, fit)),
-        crank_noise=hypot(fit.crank_noise, fit.motion.noise if fit.motion else 0.0)
-        if model.has_encoder
-        else 0.0,
-        crank_gap=problem.crank_gap(fit),
+        crank_noise=crank_noise,
+        crank_gap=crank_gap,
         chi2_dof=evidence.chi2 if has_stated_noise else None,
         late=_unmodelled_delay(problem, fit, evidence),
         prior=problem.prior is not None,
@@ -465,12 +463,11 @@ def _result(problem: Problem, fit: Fit, held_count: int = 0) -> Calibration:
 
 def _series_fits(problem: Problem, fit: Fit) -> Iterator[SeriesFit]:
     model = problem.model
-    drawn = [model.motion(series, model.start).values for series in problem.measured]
-    _, drawn_seen = model.with_camera(problem.measured, drawn)
+    start = problem.parameters(problem.start_y)
     residuals = problem.rows(fit.y).residuals
     for n, series in enumerate(problem.measured):
         is_own = problem.owners == n
-        before = model.residuals(series, drawn_seen[n])
+        before = model.residuals(series, model.predict(series, start).values)
         after = residuals[is_own].reshape(series.values.shape)
         is_used = fit.is_used[is_own].reshape(series.values.shape)
         yield SeriesFit(series, before, after, is_used[:, 0])
@@ -486,7 +483,7 @@ def _held_out(problem: Problem, fit: Fit, prior_rows: FloatArray) -> float | Non
     is_last = problem.times > problem.times[is_before].max()
     before = fit._replace(is_used=fit.is_used & ~is_last)
     after = fit._replace(is_used=fit.is_used & is_last, y=problem.minimized(before, prior_rows))
-    whitening = problem.whitening(after)
+    whitening = Whitening(problem, after)
     residuals = whitening.residuals(problem.rows(after.y).residuals)
     return sqrt(float(residuals @ residuals) / max(1, whitening.count))
 
@@ -498,8 +495,7 @@ def _unmodelled_delay(problem: Problem, fit: Fit, evidence: _Evidence) -> float:
     rows = problem.rows(fit.y)
     rates = np.concatenate([series.rate for series in problem.measured])[problem.samples]
     by_delay = (problem.model.direction * rows.slopes * rates)[:, None]
-    whitening = problem.whitening(fit)
-    column = whitening(by_delay)[np.argsort(whitening.times, kind='stable'), 0]
+    column = evidence.whitening(by_delay)[:, 0]
     jacobian = evidence.jacobian
     # What the parameters do not explain of it.
     unexplained = column - jacobian @ np.linalg.lstsq(jacobian, column, rcond=None)[0]

@@ -91,7 +91,6 @@ class Problem:
         self.weak_prior = np.diag(1.0 / _deviations(model, prior))
         self._crank_noise = crank_noise
         self._last_rows: tuple[bytes, Rows] | None = None
-        self._last_whitening: tuple[Fit, Whitening] | None = None
         # The series of each row, its sample among all, its stamp, and the index of that.
         sizes = [series.values.size for series in measured]
         self.owners = np.repeat(np.arange(len(measured)), sizes)
@@ -162,12 +161,6 @@ class Problem:
         jacobian = np.concatenate(jacobians) * self.model.units
         return Rows(np.concatenate(residuals), jacobian, np.concatenate(slopes))
 
-    def whitening(self, fit: Fit) -> 'Whitening':
-        """Return the whitening of the used rows by the noise of a fit."""
-        if self._last_whitening is None or self._last_whitening[0] is not fit:
-            self._last_whitening = fit, Whitening(self, fit)
-        return self._last_whitening[1]
-
     def inliers(self, fit: Fit) -> BoolArray:
         """Return the rows of samples without a number beyond the gate."""
         rows = self.rows(fit.y)
@@ -185,16 +178,17 @@ class Problem:
         """Return the y of the smallest residuals, prior included, at the noise of a fit."""
         from scipy.optimize import least_squares  # noqa: PLC0415 - an extra, and slow to import
 
+        whitening = Whitening(self, fit)
+
         def residuals(y: FloatArray) -> FloatArray:
             rows = self.rows(y)
             # Beyond the reach of the leg; the step is rejected.
             reached = np.nan_to_num(rows.residuals, nan=1e3)
-            measured = self.whitening(fit).residuals(reached)
-            return np.concatenate([measured, prior_rows @ (y - self.start_y)])
+            return np.concatenate([whitening.residuals(reached), prior_rows @ (y - self.start_y)])
 
         def jacobian(y: FloatArray) -> FloatArray:
             rows = self.rows(y)
-            return np.vstack([self.whitening(fit)(np.nan_to_num(rows.jacobian)), prior_rows])
+            return np.vstack([whitening(np.nan_to_num(rows.jacobian)), prior_rows])
 
         # MINPACK is the fastest, and has no loss.
         method, tolerance = ('lm', 1e-9) if loss == 'linear' else ('trf', 1e-4)
@@ -220,7 +214,7 @@ class Problem:
         fits = []
         for motion in self.motion.likely:
             candidate = self.with_noise(fit.y, fit.is_used, motion)
-            points_deviance = self.whitening(candidate).deviance(self.rows(fit.y).residuals)
+            points_deviance = Whitening(self, candidate).deviance(self.rows(fit.y).residuals)
             fits.append((motion.deviance + points_deviance, candidate))
         return min(fits, key=lambda pair: pair[0])[1]
 
@@ -260,7 +254,7 @@ class Problem:
         """Return a fit with the noise of its residuals, without what the crank takes of them."""
         owners = self.owners[fit.is_used]
         for _ in range(NOISE_ITERATIONS):
-            whitening = self.whitening(fit)
+            whitening = Whitening(self, fit)
             residuals = whitening.residuals(self.rows(fit.y).residuals)[: len(owners)]
             factors = np.bincount(owners, residuals**2) / np.bincount(owners, whitening.freedom())
             sigmas = np.maximum(fit.sigmas * np.sqrt(np.maximum(factors, 0.0)), MIN_NOISE)
