@@ -38,18 +38,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _describe(options: argparse.Namespace) -> int:
     """Print the data sheet of the file and save it as the options ask; return the exit code."""
     inputs = (options.file, options.motor)
-    files = output_files(options, ('html', 'json'), inputs, refuse_yaml=True)
+    names = 'html', 'json'
+    files = output_files(options, names, inputs, refuse_yaml=names)
     motor = motor_from_file(options.motor) if options.motor is not None else None
     robot = robot_of(options.file)
     if options.bar_density is not None:
         robot = robot.with_rods(options.bar_density)
-    sheet = data_sheet(
-        robot,
-        speed=options.speed,
-        load=options.load,
-        motor=motor,
-        margins=options.margins,
-    )
+    numbers = {'speed': options.speed, 'load': options.load}
+    sheet = data_sheet(robot, **numbers, motor=motor, margins=options.margins)
     print(sheet_text(sheet), end='')
     save_texts(files, {'--html': partial(page, sheet), '--json': partial(report, sheet)})
     return 0 if sheet.motor_turns else MOTOR_FAILS

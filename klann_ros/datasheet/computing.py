@@ -29,7 +29,6 @@ from .load import crank_load, CrankLoad, foot_load, LoadedLeg, turn_angles, with
 from .motor import Motor, verdict
 from .sheet import (
     BarFigures,
-    BodyMassFigures,
     cases,
     CrankSheet,
     DataSheet,
@@ -259,9 +258,7 @@ def _leg_sheet(options: _SheetOptions, legs: Sequence[RobotLeg]) -> LegSheet:
         path=path,
         stance=stance,
         no_stance=no_stance,
-        masses=_masses(leg),
-        mass_basis=leg.masses.basis if leg.masses else None,
-        mass_origin=leg.masses.origin if leg.masses else '',
+        masses=leg.masses,
         empty=None,
         loaded=None,
         **_poses(linkage, alphas),
@@ -352,17 +349,6 @@ def _transmission(
             from_in_line = Extreme(pi - maximum.value, maximum.at)
         transmission.append(Transmission(name, mu, minimum, maximum, from_in_line))
     return tuple(transmission)
-
-
-def _masses(leg: RobotLeg) -> tuple[BodyMassFigures, ...]:
-    if leg.masses is None:
-        return ()
-    labels = leg.linkage.structure.labels
-    figures = []
-    for label, body in zip(labels, leg.masses.bodies, strict=True):
-        centre = body.centre.real, body.centre.imag
-        figures.append(BodyMassFigures(label, body.mass, centre, body.inertia))
-    return tuple(figures)
 
 
 def _forces(dynamics: Dynamics, sheet: LegSheet, speed: float, load: float) -> LegForces:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from math import degrees, floor, inf, isfinite, log10, pi
 from typing import NamedTuple
 
-from klann_ros.dynamics import TurnOfForces
+from klann_ros.dynamics import Masses, TurnOfForces
 from klann_ros.kinematics.angles import TURN
 from klann_ros.sanitize.text import counted, printable
 
@@ -83,10 +83,8 @@ def turning_text(leg: LegSheet) -> str:
 def change_point_table(leg: LegSheet) -> FigureTable:
     """Return the table of the change points of a leg, with both motions that meet there."""
     points = leg.linkage.change_points
-    names = leg.linkage.joint_names
     lines = []
     for point in sorted(points.points, key=lambda point: point.beta % (points.period * TURN)):
-        bodies = [names[j] for j in leg.linkage.blocks[point.block - 1].unknowns]
         motions = []
         for motion in points.continuations(point):
             rates = UNKNOWN_VALUE
@@ -95,23 +93,25 @@ def change_point_table(leg: LegSheet) -> FigureTable:
             motions.append(rates)
         derivative = 'first' if point.order == 1 else 'second'
         kind = 'ends coincide, links may spin freely' if point.is_free else 'in line'
-        angle = point.beta % (points.period * TURN)
-        lines.append((degrees_text(angle, 3), ', '.join(bodies), kind, derivative, *motions))
-    notes = ['Derivatives of the angles by the crank angle; links that move take the path']
-    notes += ['a crank at rest there leaves the motion to inertia and play']
-    if points.period > 1:
-        notes.append(f'all links are back after {points.period} turns')
+        angle = degrees_text(point.beta % (points.period * TURN), 3)
+        links = ', '.join(points.links(point))
+        lines.append((angle, links, kind, derivative, *motions))
+    period = f'; all links are back after {points.period} turns' if points.period > 1 else ''
+    note = (
+        'Derivatives of the angles by the crank angle; links that move take the path; '
+        f'a crank at rest there leaves the motion to inertia and play{period}.'
+    )
     heads = ('Crank [deg]', 'Links', 'Change point', 'Derivative', 'Path', 'Other motion')
-    return FigureTable('Change points', heads, tuple(lines), '; '.join(notes) + '.')
+    return FigureTable('Change points', heads, tuple(lines), note)
 
 
 def near_miss_texts(leg: LegSheet) -> Iterator[str]:
     """Yield the change points that are missed by a hair."""
-    names = leg.linkage.joint_names
-    for miss in leg.linkage.change_points.near_misses:
-        bodies = ', '.join(names[j] for j in leg.linkage.blocks[miss.block - 1].unknowns)
+    points = leg.linkage.change_points
+    for miss in points.near_misses:
+        links = ', '.join(points.links(miss))
         yield (
-            f'at {degrees_text(miss.beta % TURN, 3)} deg the links {bodies} are in line but for '
+            f'at {degrees_text(miss.beta % TURN, 3)} deg the links {links} are in line but for '
             f'{number_text(1e3 * miss.clearance, 3)} mm: play decides which way they go on'
         )
 
@@ -195,14 +195,16 @@ def transmission_table(leg: LegSheet) -> FigureTable:
     return FigureTable('Transmission angles', heads, tuple(lines), note)
 
 
-def mass_table(leg: LegSheet) -> FigureTable:
+def mass_table(leg: LegSheet, masses: Masses) -> FigureTable:
     """Return the table of a leg's masses."""
-    lines = [
-        (name, number_text(mass), *map(mm_text, centre), number_text(inertia))
-        for name, mass, centre, inertia in leg.masses
-    ]
+    lines = []
+    for label, (mass, centre, inertia) in zip(
+        leg.linkage.structure.labels, masses.bodies, strict=True
+    ):
+        place = mm_text(centre.real), mm_text(centre.imag)
+        lines.append((label, number_text(mass), *place, number_text(inertia)))
     heads = ('Body', 'Mass / kg', 'Centre x / mm', 'y / mm', 'Inertia / kg m²')
-    total = f'{number_text(leg.mass)} kg a leg, {leg.mass_origin}'
+    total = f'{number_text(masses.total)} kg a leg, {masses.origin}'
     note = f'{total}. The centre is from the first point of the body.'
     return FigureTable('Masses', heads, tuple(lines), note)
 
@@ -347,8 +349,10 @@ def walk_figures(sheet: DataSheet) -> Iterator[Figure]:
     if costs is None:
         yield Figure('Cost of transport', '-', '', 'P/(m g v); it needs masses and --load')
     else:
-        note = f'P/(m g v) by positive power; by absolute power {number_text(costs[1])}'
-        yield Figure('Cost of transport', number_text(costs[0]), '', note)
+        note = (
+            f'P/(m g v) by positive power; by absolute power {number_text(costs.absolute_power)}'
+        )
+        yield Figure('Cost of transport', number_text(costs.positive_power), '', note)
     yield Figure('Foot slip', mm_text(walk.slid), 'mm', 'a turn, weighted by load')
 
 

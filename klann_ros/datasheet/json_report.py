@@ -1,7 +1,6 @@
 """A data sheet as JSON: SI units throughout, null for unknown or infinite values."""
 
 from collections.abc import Sequence
-from functools import partial
 import json
 from typing import Any
 
@@ -51,6 +50,8 @@ def _plain(record: Any) -> Any:
         return record.tolist()
     if hasattr(record, '_asdict'):
         return {name: _plain(field) for name, field in record._asdict().items()}
+    if isinstance(record, complex):
+        return [record.real, record.imag]
     return [*map(_plain, record)] if isinstance(record, tuple) else record
 
 
@@ -66,32 +67,41 @@ def _leg_content(leg: LegSheet, speed: float) -> dict[str, Any]:
         'no_margins': leg.no_margins or None,
         'turns_fully': leg.turns_fully,
         'arcs': leg.arcs,
-        'change_points': [*map(partial(_change_point_content, linkage), points.points)],
+        'change_points': [_change_point_content(linkage, point) for point in points.points],
         'period': points.period,
         'near_misses': _plain(tuple(points.near_misses)),
         'path': _path_content(leg),
         'stance': _stance_content(leg.stance, speed) if leg.stance else None,
         'no_stance': leg.no_stance or None,
         'transmission': _plain(leg.transmission),
-        'mass': leg.mass if leg.masses else None,
-        'masses': _plain(leg.masses),
-        'mass_basis': leg.mass_basis.name.lower() if leg.mass_basis else None,
-        'mass_origin': leg.mass_origin or None,
+        **_mass_content(leg),
         'crank_angle': _plain(leg.alphas),
         'empty': _plain(leg.empty),
         'loaded': _plain(leg.loaded),
     }
 
 
+def _mass_content(leg: LegSheet) -> dict[str, Any]:
+    masses = leg.masses
+    if masses is None:
+        return {'mass': None, 'masses': [], 'mass_basis': None, 'mass_origin': None}
+    bodies = zip(leg.linkage.structure.labels, masses.bodies, strict=True)
+    return {
+        'mass': masses.total,
+        'masses': [{'body': label, **_plain(body)} for label, body in bodies],
+        'mass_basis': masses.basis.name.lower(),
+        'mass_origin': masses.origin,
+    }
+
+
 def _change_point_content(linkage: Linkage, point: ChangePoint) -> dict[str, Any]:
     path, other = linkage.change_points.continuations(point)
-    bodies = linkage.blocks[point.block - 1].unknowns
     return {
         'crank_angle': point.beta,
-        'links': [linkage.joint_names[j] for j in bodies],
+        'links': linkage.change_points.links(point),
         **_attributes(point, ('block', 'order', 'is_free')),
-        'path': path.tolist(),
-        'other': None if other is None else other.tolist(),
+        'path': _plain(path),
+        'other': _plain(other),
     }
 
 
@@ -147,10 +157,6 @@ def _turn_content(turn: TurnOfForces | None) -> dict[str, Any] | None:
     }
 
 
-def _cost_content(costs: tuple[float, float] | None) -> dict[str, float] | None:
-    return dict(zip(('positive_power', 'absolute_power'), costs, strict=True)) if costs else None
-
-
 def _walk_content(sheet: DataSheet) -> dict[str, Any] | None:
     walk = sheet.walk
     if walk is None:
@@ -163,7 +169,7 @@ def _walk_content(sheet: DataSheet) -> dict[str, Any] | None:
         'speed': walk.speed * sheet.speed,
         **_attributes(walk, ('stride', 'least_margin')),
         'stable_fraction': walk.stable_fraction,
-        'cost_of_transport': _cost_content(sheet.costs_of_transport),
+        'cost_of_transport': _plain(sheet.costs_of_transport),
         'warnings': walk.warnings,
         'height_variation': walk.height_variation if is_stable else None,
         'pitch': walk.greatest_pitch if is_stable else None,

@@ -228,7 +228,7 @@ def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[FigureTable]:
     if cases(leg):
         yield figures.joint_force_table(leg)
     if leg.masses:
-        yield figures.mass_table(leg)
+        yield figures.mass_table(leg, leg.masses)
 
 
 def _crank_tables(cranks: Iterable[CrankSheet], sheet: DataSheet) -> Iterator[FigureTable]:

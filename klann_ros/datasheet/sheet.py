@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from klann_ros.dynamics import GRAVITY, MassBasis, turn_mean, TurnOfForces
+from klann_ros.dynamics import GRAVITY, Masses, turn_mean, TurnOfForces
 from klann_ros.gait import GaitFigures
 from klann_ros.kinematics import FootPath, Linkage, Margin, Stance
 from klann_ros.kinematics.angles import Arc
@@ -82,13 +82,11 @@ class LegForces(NamedTuple):
     joints: tuple[JointForce, ...]
 
 
-class BodyMassFigures(NamedTuple):
-    """The mass of a body [kg], its centre in the body [m], its inertia about it [kg m^2]."""
+class CostsOfTransport(NamedTuple):
+    """P / (m g v) by the mean positive, and by the mean absolute power of the cranks."""
 
-    body: str
-    mass: float
-    centre: tuple[float, float]
-    inertia: float
+    positive_power: float
+    absolute_power: float
 
 
 @with_short_repr
@@ -123,12 +121,8 @@ class LegSheet:
         The linkage's points there [m].
     transmission : tuple of Transmission
         One for each dyad.
-    masses : tuple of BodyMassFigures
-        Empty without masses in the file.
-    mass_basis : MassBasis, optional
-        What the masses were computed from; None without any.
-    mass_origin : str
-        The same as words, or ''.
+    masses : Masses, optional
+        The masses of one of them; None without any in the file.
     empty, loaded : LegForces, optional
         Without and with the load on the foot in stance. Without masses there is no `empty`, and
         `loaded` is of the load alone.
@@ -147,16 +141,9 @@ class LegSheet:
     alphas: FloatArray
     points: FloatArray
     transmission: tuple[Transmission, ...]
-    masses: tuple[BodyMassFigures, ...]
-    mass_basis: MassBasis | None
-    mass_origin: str
+    masses: Masses | None
     empty: LegForces | None
     loaded: LegForces | None
-
-    @property
-    def mass(self) -> float:
-        """Return the mass of one of them [kg]."""
-        return sum(body.mass for body in self.masses)
 
     @property
     def title(self) -> str:
@@ -238,22 +225,23 @@ class DataSheet:
     body_mass: float
 
     @property
-    def costs_of_transport(self) -> tuple[float, float] | None:
+    def costs_of_transport(self) -> CostsOfTransport | None:
         """
-        Return P / (m g v) by the mean positive, and by the mean absolute power of the cranks.
+        Return the costs of transport.
 
         Each crank is for itself: a motor does not give another one what it brakes. None for no
         walker, without masses or a load on the feet, and where it does not move.
         """
         turns = [crank.loaded for crank in self.cranks if crank.loaded]
-        mass = self.body_mass + sum(leg.mass * len(leg.names) for leg in self.legs)
-        is_weighed = all(leg.masses for leg in self.legs)
+        leg_masses = [leg.masses.total * len(leg.names) for leg in self.legs if leg.masses]
+        is_weighed = len(leg_masses) == len(self.legs)
+        mass = self.body_mass + sum(leg_masses)
         if self.walk is None or not (is_weighed and mass * self.walk.speed and turns):
             return None
         power = mass * GRAVITY * abs(self.walk.speed * self.speed)
         positive = sum(turn_mean(turn.alphas, np.maximum(turn.power, 0.0)) for turn in turns)
         absolute = sum(turn_mean(turn.alphas, np.abs(turn.power)) for turn in turns)
-        return positive / power, absolute / power
+        return CostsOfTransport(positive / power, absolute / power)
 
     @property
     def is_single(self) -> bool:

@@ -64,7 +64,7 @@ def _leg_lines(leg: LegSheet, sheet: DataSheet) -> Iterator[str]:
         yield f'  {printable_line(leg.no_stance)}.'
     yield from _table_lines(figures.transmission_table(leg))
     if leg.masses:
-        yield from _table_lines(figures.mass_table(leg))
+        yield from _table_lines(figures.mass_table(leg, leg.masses))
     if cases(leg):
         yield from _table_lines(figures.joint_force_table(leg))
 

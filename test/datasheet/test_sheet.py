@@ -232,7 +232,7 @@ def test_the_cost_of_transport_is_power_by_weight_and_speed() -> None:
     assert sheet.costs_of_transport is not None
     positive, absolute = sheet.costs_of_transport
     body_mass = robot.body.mass if robot.body else 0.0
-    mass = body_mass + sum(leg.mass * len(leg.names) for leg in sheet.legs)
+    mass = body_mass + sum(leg.masses.total * len(leg.names) for leg in sheet.legs)
     work = []
     for crank in sheet.cranks:
         # The work of a turn, in small steps of the shaft.

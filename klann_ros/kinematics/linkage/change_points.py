@@ -190,6 +190,11 @@ class ChangePoints:
                 centres.append(point.beta)
         return centres
 
+    def links(self, point: ChangePoint | NearMiss) -> list[str]:
+        """Return the names of the bodies that meet in a point's block."""
+        unknowns = self._linkage.blocks[point.block - 1].unknowns
+        return [self._linkage.joint_names[j] for j in unknowns]
+
     def continuations(self, point: ChangePoint) -> tuple[FloatArray, FloatArray | None]:
         """
         Return the derivatives of the block's coordinates along the path, and on the other motion.

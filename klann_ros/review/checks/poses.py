@@ -130,16 +130,15 @@ def _poses(leg: ReviewedLeg, errors: PoseErrors, wrong: WrongPoses) -> Iterator[
 def _flipped_meaning(leg: LegRecording, first: int) -> str:
     """Return why poses from the first on are in another assembly mode, as by a change point."""
     if leg.solver.leg is not None and first > 0:
-        linkage = leg.solver.leg.linkage
+        points = leg.solver.leg.linkage.change_points
         begin, end = path_angles(leg, leg.solver.leg)[[first - 1, first]]
-        for point in linkage.change_points.points:
+        for point in points.points:
             behind = float(wrapped(end - point.beta)) * np.sign(end - begin)
             if -1e-9 <= behind <= abs(end - begin) + _CHANGE_POINT_DELAY:
-                unknowns = linkage.blocks[point.block - 1].unknowns
                 return (
                     f'at the change point at {round(degrees(point.beta), 6) % 360.0:.4g} deg '
-                    f'({", ".join(linkage.structure.angles[j] for j in unknowns)}) it took the '
-                    'other of the two motions that meet there'
+                    f'({", ".join(points.links(point))}) it took the other of the two motions '
+                    'that meet there'
                 )
     return 'the loops close, but in another assembly mode: the branch flipped'
 
