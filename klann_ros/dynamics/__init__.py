@@ -38,6 +38,8 @@ if TYPE_CHECKING:
         rods,
         Spring,
         TorsionSpring,
+        with_foot,
+        with_rods,
     )
     from .motion import body_motion
 else:

@@ -38,10 +38,10 @@ class Reactions(NamedTuple):
 def reactions(  # noqa: PLR0917 - the terms of the equations
     moving: BodyMotion,
     bodies: Sequence[BodyMass],
-    rates: tuple[FloatArray, FloatArray],
+    rates: Sequence[FloatArray],
     gravity: complex,
     forces: Sequence[tuple[str, Any]],
-    moments: Sequence[tuple[int, Any]] = (),
+    moments: Sequence[tuple[int, Any]],
 ) -> Reactions:
     """
     Return the joint reactions.
@@ -66,8 +66,7 @@ def reactions(  # noqa: PLR0917 - the terms of the equations
         j = structure.first_owner(point)
         inertia_forces[:, j] -= _wrench(moving.point(point)[0] - centres[j], force)
     for j, moment in moments:
-        if j != FIXED:
-            inertia_forces[:, j, 2] -= moment
+        inertia_forces[:, j, 2] -= moment
     pinned = []
     for point, (first, *later) in structure.owners.items():
         pinned += [(point, first, j) for j in later]

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 from klann_ros.kinematics import (
     as_linkage,
     check_rate,
+    FIXED,
     KinematicsError,
     Linkage,
     LinkageLeg,
@@ -223,14 +224,8 @@ class Dynamics:
         forces = list(self._loads(loads).items())
         for spring in self.masses.springs:
             forces += _spring_forces(spring, moving)
-        moments = []
-        for torsion_spring in self.masses.torsion_springs:
-            first, second = torsion_spring.body_indices(self.linkage.structure)
-            deflection = torsion_spring.deflection(self.linkage.structure, moving.u)
-            moment = torsion_spring.stiffness * deflection
-            moments += [(first, moment), (second, -moment)]
-        rate, acceleration = _rates(moving.alphas.size, alpha_rate, alpha_acceleration)
-        rates = rate, acceleration
+        rates = _rates(moving.alphas.size, alpha_rate, alpha_acceleration)
+        moments = self._moments(moving)
         return reactions(moving, self.masses.bodies, rates, self.gravity, forces, moments)
 
     def turn(
@@ -284,14 +279,22 @@ class Dynamics:
             tension = _tension(spring, moving)
             energy += spring.stiffness * tension.elongation**2 / 2.0
             slope += _dot(tension.force, tension.vector_1)
-        structure = self.linkage.structure
         for torsion_spring in self.masses.torsion_springs:
-            deflection = torsion_spring.deflection(structure, moving.u)
-            first, second = torsion_spring.body_indices(structure)
-            turning = moving.rotation_of(second) - moving.rotation_of(first)
+            deflection = torsion_spring.deflection(self.linkage.structure, moving.u)
             energy += torsion_spring.stiffness * deflection**2 / 2.0
-            slope += torsion_spring.stiffness * deflection * turning
+        for j, moment in self._moments(moving):
+            slope -= moment * moving.rotation_1[j]
         return _Potential(energy, slope)
+
+    def _moments(self, moving: BodyMotion) -> list[tuple[int, FloatArray]]:
+        """Return the moments of torsion springs on bodies, by the bodies' indices [N m]."""
+        structure = self.linkage.structure
+        moments = []
+        for spring in self.masses.torsion_springs:
+            moment = spring.stiffness * spring.deflection(structure, moving.u)
+            first, second = spring.body_indices(structure)
+            moments += [(first, moment), (second, -moment)]
+        return [(j, moment) for j, moment in moments if j != FIXED]
 
     def _loads(self, loads: Forces | None) -> dict[str, Any]:
         points = self.linkage.structure.points

@@ -101,7 +101,7 @@ class TorsionSpring:
 
 
 class MassBasis(Enum):
-    """What masses were computed from; the texts take a density, [kg/m] or [kg/m^3]."""
+    """What masses were computed from; the texts take a density [kg/m]."""
 
     BODIES = 'by body, from the file'
     RODS = 'as rods of the given {0:g} kg/m'
@@ -178,7 +178,6 @@ def rods(
     linkage = as_linkage(linkage)
     structure = linkage.structure
     _not_negative('density', density, 'kg/m')
-    _not_negative('foot_mass', foot_mass, 'kg')
     places = body_points(structure, linkage.bars)
     bodies = []
     for j, body in enumerate(structure.bodies):
@@ -190,13 +189,40 @@ def rods(
                 q = places[j, bar.end]
                 body_mass = body_mass.plus(_rod(density, (p + q) / 2.0, abs(q - p)))
         bodies.append(body_mass)
-    masses = Masses(
-        tuple(bodies), basis=MassBasis.RODS, density=float(density), foot_mass=float(foot_mass)
-    )
+    masses = Masses(tuple(bodies), basis=MassBasis.RODS, density=float(density))
+    return with_foot(masses, linkage, foot_mass)
+
+
+def with_foot(masses: Masses, linkage: Linkage, foot_mass: float) -> Masses:
+    """Return masses with a point mass at the foot, on the first body that has it [kg]."""
+    _not_negative('foot_mass', foot_mass, 'kg')
     if not foot_mass:
         return masses
+    structure = linkage.structure
     owner = structure.first_owner(structure.foot)
-    return masses.with_mass(owner, BodyMass(foot_mass, places[owner, structure.foot]))
+    place = body_points(structure, linkage.bars)[owner, structure.foot]
+    masses = masses.with_mass(owner, BodyMass(foot_mass, place))
+    return replace(masses, foot_mass=float(foot_mass))
+
+
+def with_rods(
+    masses: Masses | None, linkage: Linkage, density: float, *, slider_length: float = 0.0
+) -> Masses:
+    """
+    Return the masses of slender rods [kg/m] in place of those of bars; parameters as `rods`.
+
+    Sliding bodies without bars keep their masses; the mass of a foot and springs remain.
+    """
+    if masses is None:
+        return rods(linkage, density, slider_length=slider_length)
+    foot_mass = masses.foot_mass
+    rod_masses = rods(linkage, density, foot_mass=foot_mass, slider_length=slider_length)
+    bodies = list(rod_masses.bodies)
+    for j, body in enumerate(linkage.structure.bodies):
+        if not body.rigid and max(masses.bodies[j].mass, masses.bodies[j].inertia) > 0.0:
+            bodies[j] = masses.bodies[j]
+    springs = masses.springs, masses.torsion_springs
+    return Masses(tuple(bodies), *springs, MassBasis.RODS, rod_masses.density, foot_mass)
 
 
 def _rod(density: float, centre: complex, length: float) -> BodyMass:
@@ -204,14 +230,16 @@ def _rod(density: float, centre: complex, length: float) -> BodyMass:
     return BodyMass(mass, centre, mass * length**2 / 12.0)
 
 
-def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses | None:
+def masses_from_text(
+    text: str, linkage: Linkage, name: str, *, density: float | None = None
+) -> Masses | None:
     """
     Return the masses in the YAML text of a valid linkage; None without any.
 
     Each of its bodies may have `mass` [kg], `centre` [x, y] in the body and `inertia` about it
     [kg m^2]; or the file has one `density` for all bars [kg/m], and masses for sliding bodies
     without a bar. `springs` are a list of `{from, to, stiffness, free_length}`, `torsion_springs`
-    one of `{joint, between, stiffness, rest_angle}`.
+    one of `{joint, between, stiffness, rest_angle}`. A `density` wins over the file's masses.
 
     Raises
     ------
@@ -225,33 +253,26 @@ def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses | None:
     torsion = tuple(_torsion_springs(settings, linkage))
     bodies = settings['bodies']
     missing = [angle for angle in linkage.joint_names if 'mass' not in bodies[angle]]
-    if 'density' in settings:
-        masses = _by_density(settings, linkage, printable(name), metre)
-        basis = MassBasis.ASSUMED_RODS
-        return replace(masses, springs=tension, torsion_springs=torsion, basis=basis)
+    body_masses = tuple(_body(bodies[angle], metre) for angle in linkage.joint_names)
+    masses = Masses(body_masses, tension, torsion)
+    if density is None and 'density' in settings:
+        weighed = set(linkage.joint_names) - set(missing)
+        if any(body.rigid and body.angle in weighed for body in linkage.structure.bodies):
+            both = 'has both density and masses: leave one of them out'
+            raise MassError(f'{printable(name)} {both}')
+        density = settings['density']
+    if density is not None:
+        return replace(with_rods(masses, linkage, density), basis=MassBasis.ASSUMED_RODS)
     if len(missing) == len(bodies):
         return None
     if missing:
         raise MassError(f'{printable(name)}: {", ".join(missing)} without mass; 0 is allowed')
-    body_masses = tuple(_body(bodies[angle], metre) for angle in linkage.joint_names)
-    return Masses(body_masses, tension, torsion)
-
-
-def _by_density(settings: Mapping[str, Any], linkage: Linkage, name: str, metre: float) -> Masses:
-    """Return the masses of bars by their lengths, and of bodies without bars from the file."""
-    masses = rods(linkage, float(settings['density']))
-    for j, body in enumerate(linkage.structure.bodies):
-        body_settings = settings['bodies'][body.angle]
-        if 'mass' in body_settings:
-            if body.rigid:
-                raise MassError(f'{name} has both density and masses: leave one of them out')
-            masses = masses.with_mass(j, _body(body_settings, metre))
     return masses
 
 
 def _body(settings: Mapping[str, Any], metre: float) -> BodyMass:
     centre = metre * complex(*settings.get('centre', (0.0, 0.0)))
-    return BodyMass(float(settings['mass']), centre, float(settings.get('inertia', 0.0)))
+    return BodyMass(float(settings.get('mass', 0.0)), centre, float(settings.get('inertia', 0.0)))
 
 
 def _spring(settings: Mapping[str, Any], linkage: Linkage, metre: float) -> Spring:

@@ -6,7 +6,6 @@ from klann_ros.kinematics import (
     as_linkage,
     body_vectors,
     differences,
-    FIXED,
     Linkage,
     linkage_poses,
     real_array,
@@ -51,10 +50,6 @@ class BodyMotion(NamedTuple):
             return total
 
         return weighted_sum(self.u) + constant, weighted_sum(self.u_1), weighted_sum(self.u_2)
-
-    def rotation_of(self, j: int) -> Any:
-        """Return the derivative of a body's rotation, 0 for the ground [rad/rad]."""
-        return 0.0 if j == FIXED else self.rotation_1[j]
 
     def fixed_to(self, j: int, place: complex) -> tuple[Any, Any, Any]:
         """Return a point fixed to a body, (x, y) from its first point, and its derivatives."""

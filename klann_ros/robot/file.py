@@ -7,7 +7,7 @@ from pathlib import Path
 import re
 from typing import Any
 
-from klann_ros.dynamics import MassBasis, MassError, Masses, masses_from_text, rods
+from klann_ros.dynamics import MassBasis, MassError, Masses, masses_from_text, rods, with_foot
 from klann_ros.kinematics import (
     GeometryError,
     is_linkage,
@@ -269,11 +269,15 @@ def _masses(
     parameters: Mapping[str, Any], linkage: Linkage, text: str, file: str
 ) -> Masses | None:
     """Return the masses of a leg's bodies; None without any."""
+    masses = None
+    density = None
     if 'bar_density' in parameters:
         density = _number(parameters, 'bar_density', 0.0)
-        masses = rods(linkage, density, foot_mass=_number(parameters, 'foot_mass', 0.0))
-        return replace(masses, basis=MassBasis.ASSUMED_RODS)
-    return masses_from_text(text, linkage, file) if text else None
+        masses = replace(rods(linkage, density), basis=MassBasis.ASSUMED_RODS)
+    if text:
+        masses = masses_from_text(text, linkage, file, density=density)
+    foot_mass = _number(parameters, 'foot_mass', 0.0)
+    return with_foot(masses, linkage, foot_mass) if masses else None
 
 
 def _body(flat: Mapping[str, Any]) -> WalkerBody | None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from math import cos, pi, sin
 
-from klann_ros.dynamics import BodyMass, Dynamics, GRAVITY, MassError, Masses, rods
+from klann_ros.dynamics import Dynamics, GRAVITY, MassError, Masses, with_rods
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
@@ -214,10 +214,7 @@ class Robot:
 
     def with_rods(self, density: float, *, slider_length: float = 0.0) -> 'Robot':
         """
-        Return the robot with slender rods [kg/m] in place of the masses in its file.
-
-        A sliding body without bars keeps its mass, or is a rod of `slider_length`, in sizes of its
-        linkage; the mass of a foot and springs remain.
+        Return the robot with slender rods [kg/m] in place of the masses of bars in its file.
 
         Raises
         ------
@@ -227,16 +224,7 @@ class Robot:
         """
         legs = []
         for leg in self.legs:
-            structure = leg.linkage.structure
-            filed = leg.masses or Masses((BodyMass(),) * len(structure.bodies))
-            sizes = {'foot_mass': filed.foot_mass, 'slider_length': slider_length}
-            masses = rods(leg.linkage, density, **sizes)
-            bodies = list(masses.bodies)
-            for j, body in enumerate(structure.bodies):
-                if not body.rigid and filed.bodies[j].mass:
-                    bodies[j] = filed.bodies[j]
-            springs = filed.springs, filed.torsion_springs
-            masses = Masses(tuple(bodies), *springs, masses.basis, density, filed.foot_mass)
+            masses = with_rods(leg.masses, leg.linkage, density, slider_length=slider_length)
             legs.append(replace(leg, masses=masses))
         return replace(self, legs=tuple(legs))
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.dynamics import MassBasis, rods
-from klann_ros.kinematics import KlannGeometry, shipped_linkages
+from klann_ros.kinematics import KlannGeometry, SHIPPED, shipped_linkages
 from klann_ros.robot import (
     CrankDrive,
     robot_from_file,
@@ -14,6 +14,7 @@ from klann_ros.robot import (
     RobotFileError,
     solver_parameters,
 )
+from klann_ros.sanitize.yaml_text import dump
 import numpy as np
 import pytest
 
@@ -63,6 +64,23 @@ def test_an_explicit_density_wins_over_the_masses_of_a_file() -> None:
     assert slider.masses.total == pytest.approx(rods(slider.linkage, 2.0).total)
     press = robot_from_text(PRESS, 'press.yaml')
     assert [body.mass for body in press.with_rods(1.0).legs[0].masses.bodies] == [0.1, 0.5, 3.0]
+
+
+def test_a_density_of_parameters_leaves_a_linkage_its_springs_and_sliding_bodies() -> None:
+    springs = 'springs: [{from: P, to: B, stiffness: 40.0}]\n'
+    text = dump({'linkage_description': PRESS + springs, 'bar_density': 2.0})
+    (leg,) = robot_from_text(text, 'leg.yaml').legs
+    assert [body.mass for body in leg.masses.bodies] == [0.2, 1.0, 3.0]
+    assert [spring.stiffness for spring in leg.masses.springs] == [40.0]
+
+
+def test_the_mass_of_a_foot_is_added_to_the_masses_of_a_linkage() -> None:
+    description = (SHIPPED / 'andrews.yaml').read_text()
+    text = dump({'linkage_description': description, 'foot_mass': 0.25})
+    (leg,) = robot_from_text(text, 'leg.yaml').legs
+    masses = robot_of('andrews').legs[0].masses
+    assert leg.masses.total == pytest.approx(masses.total + 0.25)
+    assert leg.masses.basis is MassBasis.BODIES
 
 
 @pytest.mark.parametrize(
