@@ -103,13 +103,13 @@ def output_files(
     names: Iterable[str],
     inputs: Iterable[str | None],
     *,
-    refuse_yaml: bool = False,
+    refuse_yaml: Iterable[str] = (),
 ) -> list[Output]:
     """
     Return the output files of options, such as 'json' for --json, that can all be written.
 
     An OutputError says that an output is an input, or cannot be written, or that two of them are
-    one file. `refuse_yaml` refuses .yaml and .yml: a robot file may name others.
+    one file. The options of `refuse_yaml` may be no .yaml or .yml: a robot file may name others.
     """
     outputs: list[Output] = []
     input_paths = [path for path in inputs if path]
@@ -118,7 +118,7 @@ def output_files(
         if path is None:
             continue
         output = Output(f'--{name}', path)
-        if refuse_yaml and Path(path).suffix.lower() in ('.yaml', '.yml'):
+        if name in refuse_yaml and Path(path).suffix.lower() in ('.yaml', '.yml'):
             reason = 'a file of parameters or a linkage may be there, which FILE may name'
             raise OutputError(f'{output.option} {printable(path)} is refused: {reason}')
         output.check(input_paths)

@@ -66,8 +66,8 @@ def _export(options: argparse.Namespace) -> int:
     robot = robot_of(options.file)
     if options.bar_density is not None:
         robot = robot.with_rods(options.bar_density, slider_length=SLIDER_LENGTH)
-    files = output_files(options, FORMATS, [options.file], refuse_yaml=True)
-    files += output_files(options, [WEIGHED], [options.file])
+    outputs = *FORMATS, WEIGHED
+    files = output_files(options, outputs, [options.file], refuse_yaml=FORMATS)
     if options.weighed is not None:
         if lexists(options.weighed):
             raise ExportError(f'--{WEIGHED} {printable(options.weighed)} is there already')

@@ -47,8 +47,8 @@ def plate_mass(plate: Plate, thickness: float, density: float) -> BodyMass:
         moments += _moments(curve)
     cuts: list[Hole | Slot] = [*plate.holes, *plate.slots]
     for cut in cuts:
-        for curve in outlines([cut.line], cut.diameter / 2.0):
-            moments -= _moments(curve)
+        (curve,) = outlines([cut.line], cut.diameter / 2.0)
+        moments -= _moments(curve)
     area, first, second = moments
     inertia = (second - abs(first) ** 2 / area).real
     weight = density * thickness
@@ -70,7 +70,6 @@ def _points(curve: Outline) -> Iterator[complex]:
     for corner, following in zip(curve, (*curve[1:], curve[0]), strict=True):
         yield corner.at
         if corner.bulge:
-            chord = following.at - corner.at
-            centre = corner.at + chord / 2.0 * (1.0 + 1j * (1.0 / corner.bulge - corner.bulge) / 2)
-            step = 4.0 * atan(corner.bulge) / ARC_CHORDS
-            yield from centre + (corner.at - centre) * np.exp(1j * step * np.arange(1, ARC_CHORDS))
+            angle = 4.0 * atan(corner.bulge)
+            turned = np.expm1(1j * angle * np.arange(1, ARC_CHORDS) / ARC_CHORDS)
+            yield from corner.at + (following.at - corner.at) * turned / np.expm1(1j * angle)

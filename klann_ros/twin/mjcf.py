@@ -1,5 +1,6 @@
 """A robot as an MJCF model of the physics engine MuJoCo: a leg hung up, or a walker on a floor."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, isfinite, pi, sin
@@ -269,7 +270,9 @@ class _Leg:
         # The names of the points' sites, and the element and the place in it of the foot's.
         self._sites: dict[str, str] = {}
         # The names of the bodies' hinges.
-        self._joints: dict[int, str] = {}
+        self._hinges: dict[int, str] = {}
+        # The crank has the angle q of its robot's joint: alpha = direction q + phase.
+        self._crank_sense = self._structure.senses[0] * leg.direction
         self._foot: tuple[Element, complex] | None = None
 
     @property
@@ -324,10 +327,9 @@ class _Leg:
     def _joint(self, element: Element, j: int, crank_name: str, rotor: float) -> None:
         body = self._structure.bodies[j]
         if j == 0:
-            # It has the angle q of its robot's joint: alpha = direction q + phase.
-            axis = 0.0, 0.0, self._structure.senses[0] * self.leg.direction
+            axis = 0.0, 0.0, self._crank_sense
             at_start = {'ref': self._crank, 'armature': rotor}
-            self._joints[0] = crank_name
+            self._hinges[0] = crank_name
             _add(element, 'joint', name=crank_name, type='hinge', axis=axis, **at_start)
             return
         name = self._model.unique('joint', self.leg.joint_name(body.angle, SEPARATOR))
@@ -336,7 +338,7 @@ class _Leg:
             ref = self._pose.joints[j]
             _add(element, 'joint', name=name, type='slide', axis=along, ref=ref)
         else:
-            self._joints[j] = name
+            self._hinges[j] = name
             _add(element, 'joint', name=name, type='hinge', axis='0 0 1')
 
     def _inertial(self, element: Element, j: int) -> None:
@@ -373,21 +375,20 @@ class _Leg:
         """Write it as a tendon, whose length is the rotation between its bodies."""
         structure = self._structure
         parents = {h.body: h.parent for h in self._tree}
-        turns: dict[int, float] = {}
-        for body, sign in zip(spring.body_indices(structure), (-1.0, 1.0), strict=True):
+        turns = Counter[int]()
+        for body, sign in zip(spring.body_indices(structure), (-1, 1), strict=True):
             j = body
             while j != FIXED:
-                turns[j] = turns.get(j, 0.0) + sign
+                turns[j] += sign
                 j = parents[j]
-        crank = structure.senses[0] * self.leg.direction
-        length = turns.get(0, 0.0) * crank * self._crank
-        rest = length - float(spring.deflection(structure, self._pose.vectors))
+        turns[0] *= self._crank_sense
+        # Only the crank's joint is not at 0 at the start.
+        rest = turns[0] * self._crank - spring.deflection(structure, self._pose.vectors)
         numbers = {'stiffness': spring.stiffness, 'springlength': rest}
         fixed = _add(self._model.tendon, 'fixed', **numbers)
-        for j, turn in turns.items():
-            if turn and j in self._joints:
-                coefficient = turn * (1.0 if j else crank)
-                _add(fixed, 'joint', joint=self._joints[j], coef=coefficient)
+        for j, name in self._hinges.items():
+            if turns[j]:
+                _add(fixed, 'joint', joint=name, coef=turns[j])
 
 
 def start_angle(legs: Sequence[RobotLeg], crank: float | None = None) -> float:

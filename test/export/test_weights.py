@@ -104,6 +104,12 @@ def test_the_masses_of_plates_are_in_every_use_of_the_file(tmp_path: Path) -> No
     assert mujoco.mj_getTotalmass(model) == pytest.approx(leg.masses.total, rel=1e-6)
 
 
+def test_a_weighed_file_is_no_other_output(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    out = str(tmp_path / 'a.svg')
+    assert main(['jansen', '--svg', out, '--weighed', out, *OPTIONS]) == 3
+    assert '--svg and --weighed are the same file' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ('arguments', 'reason'),
     [
