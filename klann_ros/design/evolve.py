@@ -188,24 +188,19 @@ def _evolve_generations(
     size, dimension_count = population.x.shape
     aims = population.scores.losses.shape[1]
     limits = population.scores.violations.shape[1]
-    judged = [population.scores]
+
+    def pymoo_columns(candidates: Scores) -> dict[str, FloatArray]:
+        return {'F': candidates.losses, 'G': candidates.violations, **candidates.figures}
 
     class SearchProblem(Problem):  # type: ignore[misc]  # pymoo has no types
         """The requirements as pymoo has them."""
 
         def _evaluate(self, x: Any, out: Any, *_: Any, **__: Any) -> None:
-            candidates = scores(requirements, space, x)
-            out['F'] = candidates.losses
-            out['G'] = candidates.violations
-            out['place'] = sum(len(group.losses) for group in judged) + np.arange(len(x))
-            judged.append(candidates)
+            out.update(pymoo_columns(scores(requirements, space, x)))
 
     problem = SearchProblem(n_var=dimension_count, n_obj=aims, n_ieq_constr=limits, xl=0, xu=1)
     # Its candidates are judged already.
-    first = population.scores
-    start = Population.new(
-        X=population.x, F=first.losses, G=first.violations, place=np.arange(size)
-    )
+    start = Population.new(X=population.x, **pymoo_columns(population.scores))
     for individual in start:
         individual.evaluated.update('FGH')
     kind = DE if aims == 1 else NSGA2
@@ -213,11 +208,10 @@ def _evolve_generations(
     seed = int(random.integers(2**31))
     # pymoo counts the start as a generation.
     optimum = minimize(problem, algorithm, ('n_gen', generations + 1), seed=seed)
-    all_scores = joined(judged)
-    places = optimum.pop.get('place').astype(np.intp)
-    x = np.array(optimum.pop.get('X'), dtype=np.float64)
-    judged_count = len(all_scores.losses) - size
-    return IslandScores(population.island, x, all_scores.of(places), judged_count)
+    x, losses, violations = map(optimum.pop.get, 'XFG')
+    figures = {name: optimum.pop.get(name) for name in population.scores.figures}
+    evolved = Scores(losses, violations, figures)
+    return IslandScores(population.island, x, evolved, optimum.algorithm.evaluator.n_eval)
 
 
 def spread(points: FloatArray, count: int) -> IndexArray:
