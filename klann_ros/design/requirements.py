@@ -117,8 +117,7 @@ class Requirements:
         """Return the requirements of a leg that is placed on its path already."""
         if self.target is None:
             return self
-        fixed = replace(self.target, can_move=False, can_turn=False, can_scale=False)
-        return replace(self, target=fixed)
+        return replace(self, target=self.target.fixed)
 
     @property
     def cheap_aims(self) -> tuple[Aim, ...]:

@@ -1,7 +1,7 @@
 """The path that a foot is to follow: from points, CSV or SVG; the distance of paths from it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -44,14 +44,6 @@ class PathFit(NamedTuple):
     sense: FloatArray
 
 
-class _Moments(NamedTuple):
-    """Mean of paths w, mean overlap conj(w) z with the target, and mean square |w|^2."""
-
-    mean: ComplexArray
-    overlap: ComplexArray
-    square: FloatArray
-
-
 @dataclass(frozen=True, eq=False)
 class Target:
     """
@@ -76,6 +68,11 @@ class Target:
     can_scale: bool = True
     is_timed: bool = False
     has_corners: bool = False
+
+    @property
+    def fixed(self) -> 'Target':
+        """Return the path for legs that stay where they are."""
+        return replace(self, can_move=False, can_turn=False, can_scale=False)
 
     @property
     def size(self) -> float:
@@ -110,25 +107,24 @@ class Target:
         through three errors.
         """
         samples = self.samples
-        sample_harmonics = np.fft.fft(samples) / len(samples)
+        z_mean = samples.mean() if self.can_move else 0j
+        sample_harmonics = np.fft.fft(samples - z_mean) / len(samples)
         # Harmonics of the path that fold into each of few samples.
         folds = -(-harmonics.shape[1] // len(samples))
         folded_count = len(samples) if folds > 1 else harmonics.shape[1]
         bin_count = folds * folded_count
         z = with_bins(sample_harmonics[None], folded_count)[0]
-        z_square = float((np.abs(samples) ** 2).mean())
         forwards = with_bins(harmonics, bin_count)
         backwards = np.roll(forwards[:, ::-1], 1, axis=1)
         w = np.stack([forwards, backwards])
         paths = np.fft.ifft(w) * bin_count
         groups = paths.reshape(*paths.shape[:2], folded_count, folds)
         repetitions = (1, 1, folded_count)
-        grid = _Moments(
+        squares, _ = self._transform(
             np.tile(groups.mean(axis=2), repetitions),
             np.fft.fft(np.conj(w) * np.tile(z, folds)),
             np.tile((np.abs(groups) ** 2).mean(axis=2), repetitions),
         )
-        squares = self._transform(grid, z[0], z_square)[0]
         squares = squares.transpose(1, 0, 2).reshape(len(harmonics), 2 * bin_count)
         best = np.argmin(np.nan_to_num(squares, nan=np.inf), axis=1)
         direction = best // bin_count
@@ -138,8 +134,9 @@ class Target:
 
         def transform(turned: ComplexArray) -> tuple[FloatArray, ComplexArray, ComplexArray]:
             v = turned.reshape(-1, folds, folded_count).sum(axis=1)
-            moments = _Moments(v[:, 0], np.conj(v) @ z, (np.abs(v) ** 2).sum(axis=1))
-            return self._transform(moments, z[0], z_square)
+            mean = v[:, 0]
+            square, factor = self._transform(mean, np.conj(v) @ z, (np.abs(v) ** 2).sum(axis=1))
+            return square, factor, mean
 
         for width in (TURN / bin_count) * PARABOLA_WIDTHS:
             turned = w * np.exp(1j * frequencies * t[:, None])
@@ -151,26 +148,27 @@ class Target:
             with np.errstate(all='ignore'):
                 step = np.where(bend > 0.0, 0.5 * (before - after) / bend, 0.0)
             t = t + width * np.clip(step, -2.0, 2.0)
-        square, factor, shift = transform(w * np.exp(1j * frequencies * t[:, None]))
+        square, factor, mean = transform(w * np.exp(1j * frequencies * t[:, None]))
+        square = square + (np.abs(samples - z_mean) ** 2).mean()
+        shift = z_mean - factor * mean if self.can_move else np.zeros_like(mean)
         sense = 1.0 - 2.0 * direction
         error = np.sqrt(np.maximum(0.0, square))
         return PathFit(error, factor, shift, sense * t / TURN, sense)
 
     def _transform(
-        self, moments: _Moments, z_mean: complex, z_square: float
-    ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-        """Return the least mean square distance, and the factor and shift that reach it."""
-        mean, overlap, square = moments
+        self, mean: ComplexArray, overlap: ComplexArray, square: FloatArray
+    ) -> tuple[FloatArray, ComplexArray]:
+        """
+        Return the least mean square distances, less that of the target, and their factors.
+
+        Of paths w with the mean overlap conj(w) z with the target and the mean square |w|^2.
+        """
         if self.can_move:
-            overlap = overlap - np.conj(mean) * z_mean
             square = square - np.abs(mean) ** 2
-            z_square = z_square - abs(z_mean) ** 2
         with np.errstate(all='ignore'):
             factor = self._factor(overlap, square)
-            distance = z_square + np.abs(factor) ** 2 * square
-            distance -= 2.0 * (np.conj(factor) * overlap).real
-        shift = z_mean - factor * mean if self.can_move else np.zeros_like(mean)
-        return distance, factor, shift
+            distance = np.abs(factor) ** 2 * square - 2.0 * (np.conj(factor) * overlap).real
+        return distance, factor
 
     def _factor(self, c: ComplexArray, w_square: FloatArray) -> ComplexArray:
         """Return the best rotation and scale from the overlap of two paths."""
