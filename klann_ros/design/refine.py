@@ -1,7 +1,6 @@
 """Refinement of a leg: its path by derivatives by every dimension, its limits by differences."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import GeometryError, Linkage, linkage_poses, moved_numbers, Variants
@@ -13,7 +12,7 @@ from .evolve import Scores, variant_scores
 from .figures import crank_angles
 from .requirements import Requirements
 from .space import Space
-from .target import Target
+from .target import PathFit, Target
 
 MAX_STEPS = 100
 # Steps towards limits alone.
@@ -30,15 +29,6 @@ LIMIT_STEP, LIMIT_WEIGHT = 1e-4, 10.0
 MAX_OFFSET_STEPS, MIN_OFFSET_STEP = 20, 1e-13
 # Residuals of a leg that does not turn; a start on an end of a range is just within it.
 WORSE, MARGIN = 10.0, 1e-9
-
-
-class _Point(NamedTuple):
-    """Variables of the fit: dimensions x in [0, 1], z -> factor z + shift, start of the path."""
-
-    x: FloatArray
-    factor: complex
-    shift: complex
-    offset: float
 
 
 class _Residuals(NamedTuple):
@@ -74,18 +64,19 @@ def refined(requirements: Requirements, space: Space, x: FloatArray) -> Linkage:
 
     """
     target = requirements.target
-    start = _Point(x, 1.0 + 0.0j, 0j, 0.0)
-    sense = 1.0
+    motion = None
+    variable_count = len(x)
     if target is not None:
-        fit = target.fit(linkage_poses(_linkage(space, x), crank_angles(PATH_ANGLES)).h[None])
-        start = _Point(x, complex(fit.factor[0]), complex(fit.shift[0]), float(fit.offset[0]))
-        sense = float(fit.sense[0])
-    fitted = _Fit(requirements, space, sense)
+        motion = target.fit(linkage_poses(_linkage(space, x), crank_angles(PATH_ANGLES)).h[None])
+        variable_count += 1 + target.can_turn + target.can_scale + 2 * target.can_move
+    start = np.zeros(variable_count)
+    start[: len(x)] = x
+    fit = _Fit(requirements, space, motion)
     candidates = []
-    for point in (start, _least_squares(fitted, start)):
-        leg = fitted.leg(point)
+    for variables in (start, _least_squares(fit, start)):
+        leg = fit.legs(variables[None])[0]
         error = 0.0 if target is None else path_error(target, leg)
-        candidates.append((float(fitted.scores([point]).total[0]), error, leg))
+        candidates.append((float(fit.scores(variables[None]).total[0]), error, leg))
     return min(candidates, key=lambda candidate: candidate[:2])[-1]
 
 
@@ -105,7 +96,7 @@ def path_error(target: Target, linkage: Linkage) -> float:
 
     With timing the feet are solved at the crank angles of the points.
     """
-    fixed = replace(target, can_move=False, can_turn=False, can_scale=False)
+    fixed = target.fixed
     fit = fixed.fit(linkage_poses(linkage, crank_angles(PATH_ANGLES)).h[None])
     offset = float(fit.offset[0])
     least_square = np.inf
@@ -135,8 +126,8 @@ def point_error(target: Target, linkage: Linkage) -> float:
         return float('inf')
     points = np.column_stack([target.points.real, target.points.imag])
     nearest = KDTree(turn.h).query(points)[1]
-    rates = _complex(turn.h_1[nearest])
-    gap = target.points - _complex(turn.h[nearest])
+    rates = turn.h_1[nearest] @ (1.0, 1j)
+    gap = target.points - turn.h[nearest] @ (1.0, 1j)
     # The distance from the tangent there.
     across = (np.conj(rates) * gap).imag / np.maximum(np.abs(rates), 1e-12)
     return float(np.sqrt((across**2).mean()))
@@ -144,86 +135,91 @@ def point_error(target: Target, linkage: Linkage) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """The fit of a candidate of a space; `sense` is the direction of travel along the target."""
+    """
+    The fit of candidates of a space, from the motion that places the first one on its path.
+
+    Its variables are the dimensions x in [0, 1]; with a path also the offset of its start
+    [periods] and, as far as they are free, the rotation [rad], the logarithm of the scale, and the
+    shift [m].
+    """
 
     requirements: Requirements
     space: Space
-    sense: float
+    motion: PathFit | None
 
-    def leg(self, point: _Point) -> Linkage:
-        """Return the linkage of a point, in its place."""
-        leg = _linkage(self.space, point.x)
-        return leg if self.requirements.target is None else leg.moved(point.factor, point.shift)
+    def legs(self, variables: FloatArray) -> Variants:
+        """Return legs near the first, in their places, variables of shape (n, d)."""
+        variants = self.space.variants(variables[:, : len(self.space.names)])
+        factor, shift = self._place(variables)
+        numbers = moved_numbers(variants.base.structure, [*variants.numbers], factor, shift)
+        changes = dict(zip(variants.base.dimensions, numbers, strict=True))
+        first = variants[0].moved(complex(factor[0]), complex(shift[0]))
+        return Variants(first, changes, assembly=variants.signs)
 
-    def scores(self, points: Sequence[_Point]) -> Scores:
+    def scores(self, variables: FloatArray) -> Scores:
         """Return the scores of legs near the first, in their places."""
-        variants = self.space.variants(np.array([point.x for point in points]))
-        base = self.leg(points[0])
-        factor = np.array([point.factor for point in points])
-        shift = np.array([point.shift for point in points])
-        numbers = moved_numbers(base.structure, [*variants.numbers], factor, shift)
-        changes = dict(zip(base.dimensions, numbers, strict=True))
-        moved = Variants(base, changes, assembly=variants.signs)
-        return variant_scores(self.requirements.without_motion(), moved)
+        return variant_scores(self.requirements.without_motion(), self.legs(variables))
 
-    def residuals(self, point: _Point) -> _Residuals | None:
+    def residuals(self, variables: FloatArray) -> _Residuals | None:
         """Return the residuals; None if the candidate does not turn."""
         try:
-            path = self._path_residuals(point)
-            return path and self._with_limits(point, path)
+            path = self._path_residuals(variables)
+            return path and self._with_limits(variables, path)
         except GeometryError:
             return None
 
-    def stepped(self, point: _Point, step: FloatArray) -> _Point:
-        """Return a point after a step, in the order of the Jacobian's columns."""
+    def _place(self, variables: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return the factors and shifts of z -> factor z + shift, shapes (n,) or (1,)."""
         target = self.requirements.target
-        count = len(point.x)
-        if target is None:
-            return point._replace(x=point.x + step)
-        motion = iter(step[count:].tolist())
-        offset = point.offset + next(motion)
-        rotation = next(motion) if target.can_turn else 0.0
-        growth = next(motion) if target.can_scale else 0.0
-        shift = complex(next(motion), next(motion)) if target.can_move else 0j
-        factor = point.factor * np.exp(growth + 1j * rotation)
-        return _Point(point.x + step[:count], complex(factor), point.shift + shift, offset)
+        if target is None or self.motion is None:
+            return np.ones(1, dtype=np.complex128), np.zeros(1, dtype=np.complex128)
+        first_motion = len(self.space.names) + 1
+        columns = iter(variables.T[first_motion:])
+        rotation = next(columns) if target.can_turn else 0.0
+        growth = next(columns) if target.can_scale else 0.0
+        shift = next(columns) + 1j * next(columns) if target.can_move else 0.0
+        factor = self.motion.factor * np.exp(growth + 1j * rotation)
+        return factor, self.motion.shift + shift
 
-    def _path_residuals(self, point: _Point) -> _Residuals | None:
+    def _path_residuals(self, variables: FloatArray) -> _Residuals | None:
         target = self.requirements.target
-        leg = _linkage(self.space, point.x)
-        if target is None:
-            return _Residuals(np.empty(0), np.empty((0, len(point.x))))
-        samples = _foot_samples(target, leg, point.offset, self.sense, has_gradients=True)
+        x = variables[: len(self.space.names)]
+        leg = _linkage(self.space, x)
+        if target is None or self.motion is None:
+            return _Residuals(np.empty(0), np.empty((0, len(x))))
+        offset = float(self.motion.offset[0]) + float(variables[len(x)])
+        sense = float(self.motion.sense[0])
+        samples = _foot_samples(target, leg, offset, sense, has_gradients=True)
         if samples is None:
             return None
-        path = point.factor * samples.feet
-        by_x = samples.by_numbers @ _number_derivatives(self.space, point.x)
-        by_offset = point.factor * samples.by_offset[:, None]
-        columns: list[AnyArray] = [point.factor * by_x, by_offset]
+        factor, shift = self._place(variables[None])
+        path = factor * samples.feet
+        by_x = samples.by_numbers @ _number_derivatives(self.space, x)
+        columns: list[AnyArray] = [factor * by_x, factor * samples.by_offset[:, None]]
         if target.can_turn:
             columns.append(1j * path[:, None])
         if target.can_scale:
             columns.append(path[:, None])
         if target.can_move:
             columns += [np.ones((len(path), 1)), np.full((len(path), 1), 1j)]
-        gap = path + point.shift - target.samples
+        gap = path + shift - target.samples
         jacobian = np.hstack(columns)
         stacked = np.concatenate([gap.real, gap.imag])
         return _Residuals(stacked, np.vstack([jacobian.real, jacobian.imag]))
 
-    def _with_limits(self, point: _Point, path: _Residuals) -> _Residuals | None:
+    def _with_limits(self, variables: FloatArray, path: _Residuals) -> _Residuals | None:
         """Return the residuals with a row for each limit, its violation, by differences."""
         if not self.requirements.evolved_limits:
             return path
-        size = path.jacobian.shape[1]
+        size = len(variables)
         steps = LIMIT_STEP * np.concatenate([np.eye(size), -np.eye(size)])
-        scores = self.scores([point])
+        scores = self.scores(variables[None])
         if scores.violations[0, 0] > 0.0:
             return None
         violations = np.maximum(0.0, scores.violations[0, 1:])
         jacobian = np.zeros((len(violations), size))
         if violations.any():
-            table = self.scores([self.stepped(point, step) for step in steps]).violations[:, 1:]
+            table = self.scores(variables + steps).violations[:, 1:]
             difference = (table[:size] - table[size:]).T / (2.0 * LIMIT_STEP)
             jacobian[violations > 0.0] = difference[violations > 0.0]
         # A limit weighs more than the path, of which it may cost a part.
@@ -240,8 +236,8 @@ def _linkage(space: Space, x: FloatArray) -> Linkage:
     return space.variants(x[None])[0]
 
 
-def _least_squares(fit: _Fit, start: _Point) -> _Point:
-    """Return the point of least residuals near a start."""
+def _least_squares(fit: _Fit, start: FloatArray) -> FloatArray:
+    """Return the variables of least residuals near a start."""
     # It takes half a second to load.
     from scipy.optimize import least_squares  # noqa: PLC0415
 
@@ -253,21 +249,20 @@ def _least_squares(fit: _Fit, start: _Point) -> _Point:
     def residuals_at(step: FloatArray) -> _Residuals:
         key = step.tobytes()
         if key not in last:
-            residuals = fit.residuals(fit.stepped(start, step))
+            residuals = fit.residuals(start + step)
             # A leg that does not turn is no way out: worse than any.
             last.clear()
             last[key] = residuals or _Residuals(WORSE * first.values, first.jacobian)
         return last[key]
 
-    dimension_count = len(start.x)
-    step_size = first.jacobian.shape[1]
-    low = np.full(step_size, -np.inf)
-    high = np.full(step_size, np.inf)
-    low[:dimension_count] = -start.x - MARGIN
-    high[:dimension_count] = 1.0 - start.x + MARGIN
+    dimension_count = len(fit.space.names)
+    low = np.full(len(start), -np.inf)
+    high = np.full(len(start), np.inf)
+    low[:dimension_count] = -start[:dimension_count] - MARGIN
+    high[:dimension_count] = 1.0 - start[:dimension_count] + MARGIN
     solution = least_squares(
         lambda step: residuals_at(step).values,
-        np.zeros(step_size),
+        np.zeros(len(start)),
         jac=lambda step: residuals_at(step).jacobian,
         bounds=(low, high),
         max_nfev=MAX_LIMIT_STEPS if fit.requirements.target is None else MAX_STEPS,
@@ -276,8 +271,9 @@ def _least_squares(fit: _Fit, start: _Point) -> _Point:
         gtol=1e-15,
         x_scale='jac',
     )
-    point = fit.stepped(start, solution.x)
-    return point._replace(x=np.clip(point.x, 0.0, 1.0))
+    variables: FloatArray = start + solution.x
+    variables[:dimension_count] = np.clip(variables[:dimension_count], 0.0, 1.0)
+    return variables
 
 
 def _foot_samples(
@@ -298,60 +294,50 @@ def _foot_samples(
     # It must turn between the samples, too.
     if turn.reason.any():
         return None
-    rates = _complex(turn.h_1)
+    rates = turn.h_1 @ (1.0, 1j)
     speeds = np.abs(rates)
-    lengths = _integral(speeds)
-    alphas = TURN * fractions if target.is_timed else _angles_at(fractions, speeds, lengths)
+    length_at = _integral(speeds)
+    length = float(length_at(TURN))
+    alphas = TURN * fractions if target.is_timed else _angles_at(fractions * length, length_at)
     poses: Any = linkage_poses(leg, alphas, velocities=True, gradients=has_gradients)
     if poses.reason.any():
         return None
-    by_offset = TURN * _complex(poses.h_1)
+    by_offset = TURN * (poses.h_1 @ (1.0, 1j))
     by_numbers = np.empty((count, 0), dtype=np.complex128)
     if has_gradients:
-        by_numbers = _complex(poses.h_gradient, axis=1)
+        by_numbers = (1.0, 1j) @ poses.h_gradient
     if target.is_timed:
-        return _FootSamples(_complex(poses.h), by_offset, by_numbers)
-    slowest = MIN_GAIN * lengths[-1]
+        return _FootSamples(poses.h @ (1.0, 1j), by_offset, by_numbers)
+    slowest = MIN_GAIN * length
     tangents = by_offset / np.maximum(np.abs(by_offset), slowest)
     if has_gradients:
         turn_tangents = rates / np.maximum(speeds, slowest)
-        stretch = np.conj(turn_tangents)[:, None] * _complex(turn.h_1_gradient, axis=1)
-        stretches = _integral(stretch.real)
-        places = alphas / TURN * PATH_ANGLES
-        index = np.clip(places.astype(np.intp), 0, PATH_ANGLES - 1)
-        share = (places - index)[:, None]
-        along = stretches[index] + share * (stretches[index + 1] - stretches[index])
-        by_numbers += tangents[:, None] * (fractions[:, None] * stretches[-1] - along)
-    return _FootSamples(_complex(poses.h), lengths[-1] * tangents, by_numbers)
+        stretch = np.conj(turn_tangents)[:, None] * ((1.0, 1j) @ turn.h_1_gradient)
+        stretch_at = _integral(stretch.real)
+        along = fractions[:, None] * stretch_at(TURN) - stretch_at(alphas)
+        by_numbers += tangents[:, None] * along
+    return _FootSamples(poses.h @ (1.0, 1j), length * tangents, by_numbers)
 
 
-def _angles_at(fractions: FloatArray, speeds: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Return the crank angles at fractions of a path's length, from its speeds over a turn."""
-    from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415 - see `_least_squares`
-
-    ends = crank_angles(PATH_ANGLES + 1) * ((PATH_ANGLES + 1) / PATH_ANGLES)
-    length_at = CubicHermiteSpline(ends, lengths, np.append(speeds, speeds[0]))
-    wanted = fractions * lengths[-1]
-    alphas = np.interp(wanted, lengths, ends)
+def _angles_at(lengths: FloatArray, length_at: Any) -> FloatArray:
+    """Return the crank angles at lengths of a path from the crank angle 0."""
+    ends = np.linspace(0.0, TURN, PATH_ANGLES + 1)
+    alphas = np.interp(lengths, length_at(ends), ends)
     for _ in range(CORRECTIONS):
-        slopes = np.maximum(length_at(alphas, 1), MIN_GAIN * lengths[-1])
-        step = (wanted - length_at(alphas)) / slopes
-        alphas = alphas + np.clip(step, -TURN / PATH_ANGLES, TURN / PATH_ANGLES)
+        slopes = np.maximum(length_at(alphas, 1), MIN_GAIN * length_at(TURN))
+        step = (lengths - length_at(alphas)) / slopes
+        alphas += np.clip(step, -TURN / PATH_ANGLES, TURN / PATH_ANGLES)
+        alphas = np.clip(alphas, 0.0, TURN)
     return np.asarray(alphas, dtype=np.float64)
 
 
-def _complex(vectors: FloatArray, axis: int = -1) -> ComplexArray:
-    """Return vectors of two coordinates along an axis as complex numbers."""
-    x, y = np.moveaxis(vectors, axis, 0)
-    return np.asarray(x + 1j * y)
+def _integral(samples: FloatArray) -> Any:
+    """Return the spline of the integral of samples over a turn from 0, shape (k, ...)."""
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - see `_least_squares`
 
-
-def _integral(samples: FloatArray) -> FloatArray:
-    """Return the integral over a turn from 0 to each sample, and to the end, to fourth order."""
-    following = np.roll(samples, -1, axis=0)
-    outer = np.roll(samples, 1, axis=0) + np.roll(samples, -2, axis=0)
-    parts = (13.0 * (samples + following) - outer) * (TURN / len(samples) / 24.0)
-    return np.concatenate([np.zeros((1, *samples.shape[1:])), np.cumsum(parts, axis=0)])
+    angles = np.linspace(0.0, TURN, len(samples) + 1)
+    closed = np.concatenate([samples, samples[:1]])
+    return CubicSpline(angles, closed, bc_type='periodic').antiderivative()
 
 
 def _number_derivatives(space: Space, x: FloatArray) -> FloatArray:
