@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from klann_ros.datasheet import data_sheet, DataSheet, LegSheet
 from klann_ros.gait import NoWalkerError, walk_figures
 from klann_ros.kinematics import KinematicsError, Linkage, linkage_poses, tolerance_study
-from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import Robot, robot_from_file, robot_from_text, RobotLeg
 from klann_ros.sanitize.text import printable
 import numpy as np
@@ -103,7 +102,8 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
 
     """
     try:
-        leg = _read_leg(leg_text(with_numbers(candidate.space.leg, candidate.linkage)))
+        text = leg_text(with_numbers(candidate.space.leg, candidate.linkage))
+        (leg,) = robot_from_text(text, 'the leg').legs
         sheet = _massless_sheet(requirements, leg.linkage)
     except (KinematicsError, TypeError, ValueError) as error:
         raise ProofError(str(error)) from error
@@ -114,13 +114,18 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     # NaN is refused, too.
     if not _least_angle(leg_sheet, figures) > MIN_TRANSMISSION_ANGLE:
         raise ProofError('links are in line')
-    deviation = np.abs(_foot(leg.linkage) - _foot(candidate.linkage)).max()
-    if not deviation <= ROUNDING * leg.linkage.size:
+    turn: Any = linkage_poses(leg.linkage, crank_angles(PROOF_ANGLES), points=True)
+    # NaN where a loop does not close.
+    deviation = np.abs(turn.h - linkage_poses(candidate.linkage, crank_angles(PROOF_ANGLES)).h)
+    if not deviation.max() <= ROUNDING * leg.linkage.size:
         raise ProofError('its file has another leg')
     if requirements.target is not None:
         figures['path_error'] = path_error(requirements.target, leg.linkage)
         figures['point_error'] = point_error(requirements.target, leg.linkage)
-    figures |= _task_figures(requirements, candidate.space, leg.linkage)
+    columns = requirements.turn_figures(leg.linkage.structure, turn.points[None])
+    figures |= {name: float(column[0]) for name, column in columns.items()}
+    if requirements.rounding is not None:
+        figures['rounding_error'] = requirements.rounding.error(candidate.space, leg.linkage)
     non_turning_fraction = _non_turning_fraction(leg.linkage, requirements.tolerance)
     figures['turning_fraction'] = 1.0 - non_turning_fraction
     walker = None
@@ -164,26 +169,6 @@ def check_file(path: Path, leg: FoundLeg) -> None:
         raise ProofError(str(error)) from error
     if [robot_leg.linkage for robot_leg in robot.legs] != [leg.linkage]:
         raise ProofError(f'{printable(path)} has another leg than the one that was proven')
-
-
-def _read_leg(text: str) -> RobotLeg:
-    (leg,) = robot_from_text(text, 'the leg').legs
-    return leg
-
-
-def _foot(linkage: Linkage) -> FloatArray:
-    """Return the foot's path, shape (k, 2) [m]; NaN where a loop does not close."""
-    return linkage_poses(linkage, crank_angles(PROOF_ANGLES)).h
-
-
-def _task_figures(requirements: Requirements, space: Space, linkage: Linkage) -> dict[str, float]:
-    """Return the figures of poses, forbidden areas and rounded dimensions."""
-    poses: Any = linkage_poses(linkage, crank_angles(PROOF_ANGLES), points=True)
-    columns = requirements.turn_figures(linkage.structure, poses.points[None])
-    figures = {name: float(column[0]) for name, column in columns.items()}
-    if requirements.rounding is not None:
-        figures['rounding_error'] = requirements.rounding.error(space, linkage)
-    return figures
 
 
 def _massless_sheet(requirements: Requirements, linkage: Linkage) -> DataSheet:
