@@ -12,8 +12,9 @@ from klann_ros.sanitize.text import did_you_mean, printable
 import numpy as np
 
 DEFAULT_PERCENT = 20.0
-# Variables of the motion of a whole linkage in its plane.
+# Variables of the motion of a whole linkage in its plane, which is scaled first.
 PLACE = ('place.x', 'place.y', 'place.turn')
+MOTION = ('scale', *PLACE)
 
 
 class RequirementsError(ValueError):
@@ -72,27 +73,18 @@ class Space:
         columns: dict[str, Any] = dict(zip(self.names, numbers.T, strict=True))
         first_mode = len(self.names) - self.dyads
         signs = [np.copysign(1.0, columns.pop(name)) for name in self.names[first_mode:]]
-        scale = columns.pop('scale', None)
         drawn = self.linkage.dimensions
         for name, (leader, sign) in self.ties.items():
             columns[name] = sign * columns.get(leader, np.full(len(x), drawn[leader]))
-        motion = {name: columns.pop(name) for name in PLACE if name in columns}
-        if scale is not None:
-            for dimension in self.linkage.structure.dimensions:
-                if dimension.unit == 'm':
-                    name = dimension.name
-                    columns[name] = scale * columns.get(name, drawn[name])
+        motion = {name: columns.pop(name) for name in MOTION if name in columns}
         if motion:
-            self._place(columns, motion)
+            dimensions = {**drawn, **columns}
+            x, y, turn = (motion.get(name, 0.0) for name in PLACE)
+            factor = motion.get('scale', 1.0) * np.exp(1j * turn)
+            structure = self.linkage.structure
+            moved = moved_numbers(structure, [*dimensions.values()], factor, x + 1j * y)
+            columns = dict(zip(dimensions, moved, strict=True))
         return Variants(self.linkage, columns, assembly=signs or None)
-
-    def _place(self, columns: dict[str, Any], motion: Mapping[str, FloatArray]) -> None:
-        """Turn linkages about the origin, and move them."""
-        numbers = {**self.linkage.dimensions, **columns}
-        x, y, turn = (motion.get(name, 0.0) for name in PLACE)
-        factor = np.exp(1j * turn)
-        moved = moved_numbers(self.linkage.structure, [*numbers.values()], factor, x + 1j * y)
-        columns |= dict(zip(numbers, moved, strict=True))
 
     def sample(self, random: np.random.Generator, count: int) -> FloatArray:
         """Return random candidates, shape (n, d); the first is the linkage as drawn."""
