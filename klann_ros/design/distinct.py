@@ -5,7 +5,8 @@ Names, the order of links, the place in the plane, the size, and a mirror image 
 neither does a rotation where requirements leave it free. Cognates have other bars: they differ.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 from klann_ros.kinematics import Linkage, linkage_poses
@@ -20,6 +21,7 @@ SHAPE_ANGLES = 24
 SAME_SHAPE = 0.01
 
 
+@lru_cache(maxsize=4096)
 def leg_shape(linkage: Linkage, *, can_turn: bool) -> ComplexArray:
     """
     Return the motion of all joints over a turn, shape (2, j, k), and its mirror image.
@@ -61,6 +63,10 @@ def shape_distance(first: ComplexArray, second: ComplexArray) -> float:
     return float(farthest.min())
 
 
-def is_same_leg(shape: ComplexArray, shapes: Sequence[ComplexArray]) -> bool:
-    """Return whether a leg is the same as one of others, by their shapes."""
-    return any(shape_distance(shape, listed_shape) <= SAME_SHAPE for listed_shape in shapes)
+def is_same_leg(linkage: Linkage, linkages: Iterable[Linkage], *, can_turn: bool) -> bool:
+    """Return whether a leg is the same as one of others."""
+    shape = leg_shape(linkage, can_turn=can_turn)
+    for listed_linkage in linkages:
+        if shape_distance(shape, leg_shape(listed_linkage, can_turn=can_turn)) <= SAME_SHAPE:
+            return True
+    return False

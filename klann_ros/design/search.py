@@ -11,11 +11,11 @@ from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.engines import EngineError, parallel_map, TaskError
 from klann_ros.kinematics import GeometryError
-from klann_ros.kinematics.arrays import ComplexArray, FloatArray, IndexArray
+from klann_ros.kinematics.arrays import FloatArray, IndexArray
 from klann_ros.sanitize.text import counted
 import numpy as np
 
-from .distinct import is_same_leg, leg_shape
+from .distinct import is_same_leg
 from .evolve import (
     evolve,
     hypervolume,
@@ -58,7 +58,6 @@ MAX_EXTRA_LOSS = 0.1
 
 # The population of an island that is given up.
 DROPPED = np.empty((0, 0))
-_ShapedCandidate: TypeAlias = tuple[FittedCandidate, ComplexArray]
 # Calls a function of each task in processes; returns the answers, in part CandidateRefusals.
 _Run: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 
@@ -293,22 +292,16 @@ def _next_round(
             evolved[answer.island] = answer
             evaluations += answer.judged
     islands = _migrated(requirements, evolved)
+    state = state._replace(rounds=state.rounds + 1, evaluations=evaluations)
+    state = _with_hypervolume(state, islands)
     populations = [*state.populations]
+    if len(numbers) > ISLANDS:
+        # Each is that of a space of its own.
+        islands = _better_half(state, islands)
+        populations = [DROPPED] * len(populations)
     for island in islands:
         populations[island.island] = island.x
-    state = state._replace(
-        rounds=state.rounds + 1, evaluations=evaluations, populations=tuple(populations)
-    )
-    state = _with_hypervolume(state, islands)
-    if len(numbers) > ISLANDS and len(requirements.spaces) > ISLANDS:
-        # The island of a space has its number.
-        survivors = _better_half(state, islands)
-        for n in range(len(populations)):
-            if n not in survivors:
-                populations[n] = DROPPED
-        state = state._replace(populations=tuple(populations))
-        islands = [island for island in islands if island.island in survivors]
-    return state, islands
+    return state._replace(populations=tuple(populations)), islands
 
 
 def _migrated(
@@ -363,7 +356,7 @@ def _volume(state: State, losses: FloatArray) -> float:
     return hypervolume((losses - low) / size, np.full(len(low), 1.1))
 
 
-def _better_half(state: State, islands: Sequence[IslandScores]) -> set[int]:
+def _better_half(state: State, islands: Sequence[IslandScores]) -> list[IslandScores]:
     """Return the islands whose populations dominate most: half of them, or `ISLANDS`."""
 
     def rank(island: IslandScores) -> tuple[float, ...]:
@@ -373,7 +366,8 @@ def _better_half(state: State, islands: Sequence[IslandScores]) -> set[int]:
         return -volume, float(island.scores.total[first]), float(losses[first].sum())
 
     count = max(ISLANDS, (len(islands) + 1) // 2)
-    return {island.island for island in sorted(islands, key=rank)[:count]}
+    best = sorted(islands, key=rank)[:count]
+    return sorted(best, key=lambda island: island.island)
 
 
 def _progress(
@@ -417,22 +411,14 @@ def _proven_legs(
         candidates.sort(key=lambda candidate: candidate.expected['path_error'])
     legs: list[FoundLeg] = []
     refusals: list[CandidateRefusal] = []
-    shapes: list[ComplexArray] = []
-    # Shapes relative to the plane as far as requirements leave it free.
-    target = requirements.target
-    can_turn = target is not None and target.can_turn
-    remaining = []
-    for candidate in candidates:
-        remaining.append((candidate, leg_shape(candidate.linkage, can_turn=can_turn)))
-    while remaining and len(legs) < requirements.count:
-        batch, remaining = _next_batch(remaining, shapes, requirements.count - len(legs))
-        answers = run(partial(_proven, requirements), [candidate for candidate, _ in batch])
-        for (_, shape), answer in zip(batch, answers, strict=True):
+    while candidates and len(legs) < requirements.count:
+        batch, candidates = _next_batch(requirements, candidates, legs)
+        for answer in run(partial(_proven, requirements), batch):
             if isinstance(answer, CandidateRefusal):
                 refusals.append(answer)
             else:
                 legs.append(answer)
-                shapes.append(shape)
+    proven_count = len(legs) + len(refusals)
     legs = _best(requirements.aims, legs, state)
     counts = dict(Counter(refusal.reason for refusal in refusals))
     reasons = []
@@ -447,23 +433,27 @@ def _proven_legs(
         state,
         seed,
         counts,
-        refined=0 if survivors and target is None else len(chosen),
-        proven=len(shapes) + len(refusals),
+        refined=0 if survivors and requirements.target is None else len(chosen),
+        proven=proven_count,
     )
 
 
 def _next_batch(
-    candidates: Sequence[_ShapedCandidate], shapes: Sequence[ComplexArray], count: int
-) -> tuple[list[_ShapedCandidate], list[_ShapedCandidate]]:
-    """Return different legs to prove, unlike the proven `shapes`, and candidates for later."""
-    # A copy of a leg in the batch is for later, as that leg may not pass the proof.
-    batch: list[_ShapedCandidate] = []
-    later: list[_ShapedCandidate] = []
+    requirements: Requirements, candidates: Sequence[FittedCandidate], legs: Sequence[FoundLeg]
+) -> tuple[list[FittedCandidate], list[FittedCandidate]]:
+    """Return different candidates to prove, unlike the proven legs, and candidates for later."""
+    target = requirements.target
+    # Alike as far as requirements leave the plane free.
+    is_copy = partial(is_same_leg, can_turn=target is not None and target.can_turn)
+    batch: list[FittedCandidate] = []
+    later: list[FittedCandidate] = []
     for candidate in candidates:
-        if is_same_leg(candidate[1], shapes):
+        if is_copy(candidate.linkage, [leg.linkage for leg in legs]):
             continue
-        is_next = len(batch) < count and not is_same_leg(candidate[1], [s for _, s in batch])
-        (batch if is_next else later).append(candidate)
+        # A copy of a leg in the batch is for later, as that leg may not pass the proof.
+        is_full = len(batch) == requirements.count - len(legs)
+        is_later = is_full or is_copy(candidate.linkage, [chosen.linkage for chosen in batch])
+        (later if is_later else batch).append(candidate)
     return batch, later
 
 
@@ -642,25 +632,23 @@ def failing_figures(
         missing = f'{100.0 * min(jam, 1.0):.1f} % of the turn'
         remedy = 'vary more, or other dimensions'
         return [f'no candidate turns fully (the best one misses {missing}): {remedy}']
-    names = {limit.figure for limit in requirements.cheap_limits}
-    figures: dict[str, FloatArray] = {}
-    for name in names:
-        columns = [island.scores.figures[name][island.turns] for island in islands]
-        columns.append(np.array([candidate.expected[name] for candidate in fitted]))
-        figures[name] = np.concatenate(columns)
-    misses = [
-        limit.relative_shortfall(figures[limit.figure]) for limit in requirements.cheap_limits
-    ]
-    lacks = np.nan_to_num(np.maximum(0.0, misses), nan=np.inf)
-    nearest = int(lacks.sum(axis=0).argmin())
+    figures: dict[Limit, FloatArray] = {}
+    lacks: dict[Limit, FloatArray] = {}
+    for limit in requirements.cheap_limits:
+        columns = [island.scores.figures[limit.figure][island.turns] for island in islands]
+        columns.append(np.array([candidate.expected[limit.figure] for candidate in fitted]))
+        figures[limit] = np.concatenate(columns)
+        misses = limit.relative_shortfall(figures[limit])
+        lacks[limit] = np.nan_to_num(np.maximum(0.0, misses), nan=np.inf)
+    nearest = int(np.sum([*lacks.values()], axis=0).argmin())
     alone = []
     together = []
-    for limit, lack in zip(requirements.cheap_limits, lacks, strict=True):
-        best = figures[limit.figure][lack.argmin()]
+    for limit, lack in lacks.items():
+        best = figures[limit][lack.argmin()]
         if lack.min() > 0.0:
             alone.append(_best_text(requirements, limit, best))
         elif lack[nearest] > 0.0:
-            reached = _best_text(requirements, limit, figures[limit.figure][nearest])
+            reached = _best_text(requirements, limit, figures[limit][nearest])
             best_text = requirements.figure_text(limit.figure, best)
             together.append(f'{reached} beside the other limits, {best_text} alone')
     return (
