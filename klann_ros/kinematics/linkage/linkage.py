@@ -239,11 +239,13 @@ class Linkage(LoopEquations):
 
         """
         numbers = moved_numbers(self.structure, self.numbers, factor, shift)
+        rotations = np.array(self.structure.senses) * phase(factor)
         start = [] if self.is_dyadic else [*self.start]
         for j, body in enumerate(self.structure.bodies if start else ()):
-            rotation = self.structure.senses[j] * phase(factor)
-            start[j] = abs(factor) * start[j] if body.slides else start[j] + rotation
-        return self._with(numbers=numbers, **self._mode(start, self.assembly))
+            start[j] = abs(factor) * start[j] if body.slides else start[j] + rotations[j]
+        reference = self.reference + float(rotations[0])
+        mode = self._mode(start, self.assembly)
+        return self._with(numbers=numbers, reference=reference, **mode)
 
     def _mode(self, start: Sequence[float] | None, assembly: Sequence[int]) -> dict[str, Any]:
         """Return the arguments for an assembly mode: signs, or a start for coupled loops."""

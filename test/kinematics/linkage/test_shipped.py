@@ -106,7 +106,16 @@ def test_the_klann_file_is_the_klann_leg() -> None:
 
 
 @pytest.mark.parametrize(
-    'name', ['klann', 'stephenson', 'slider_crank', 'quick_return', 'scotch_yoke']
+    'name',
+    [
+        'klann',
+        'stephenson',
+        'slider_crank',
+        'quick_return',
+        'scotch_yoke',
+        'parallelogram',
+        'side_rod',
+    ],
 )
 def test_a_moved_linkage_moves_with_its_crank(name: str) -> None:
     linkage = shipped_linkage(name)
