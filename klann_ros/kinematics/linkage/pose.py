@@ -219,10 +219,8 @@ def _format(state: LinkagePose | LinkageMotion, linkage: Linkage) -> str:
     return f'{type(state).__name__}({", ".join(numbers)}, h=({x:.7g}, {y:.7g}))'
 
 
-def closed_pose(
-    linkage: Linkage, u: Sequence[complex], alpha: float, rates: Sequence[float] | None = None
-) -> LinkagePose:
-    """Return the pose of body vectors from the geometric method, with its dx/dalpha if known."""
+def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> LinkagePose:
+    """Return the pose of body vectors from the geometric method."""
     structure = linkage.structure
     x = _other_coordinates(structure, u)
     terms, constant = linkage.point_rows[linkage.foot]
@@ -235,19 +233,20 @@ def closed_pose(
         sines.append(sine)
         residual = float(np.hypot(residual, block.closure_error(u)))
         is_singular |= not sine > block.singular_sine
-    if rates is None:
-        rates = (nan,) * len(x)
-        if not is_singular:
-            # Phi dx/dalpha = -df/dalpha
-            rates = np.linalg.solve(linkage.phi(alpha, x), -linkage.f_alpha(alpha, x)).tolist()
+    rates = (nan,) * len(x)
+    if not is_singular:
+        # Phi dx/dalpha = -df/dalpha
+        x_1 = np.linalg.solve(linkage.phi(alpha, x), -linkage.f_alpha(alpha, x))
+        rates = tuple(x_1.tolist())
     h = (foot.real, foot.imag)
-    return LinkagePose(alpha, x, h, 0, residual, tuple(rates), tuple(sines), linkage)
+    return LinkagePose(alpha, x, h, 0, residual, rates, tuple(sines), linkage)
 
 
 def path_pose(linkage: Linkage, alpha: float, turns: int = 0) -> LinkagePose:
     """Return the pose at a crank angle by the geometric method, some turns along its path."""
     beta = alpha + turns * TURN
+    pose = closed_pose(linkage, closed_form_vectors(linkage, beta), alpha)
     interpolated = linkage.interpolated(beta)
-    rates = None if interpolated is None else interpolated.x_1.tolist()
-    pose = closed_pose(linkage, closed_form_vectors(linkage, beta), alpha, rates)
+    if interpolated is not None:
+        pose = pose._replace(coefficients=tuple(interpolated.x_1.tolist()))
     return pose._replace(turns=turns)
