@@ -220,11 +220,12 @@ class Leg(Generic[PoseT, MotionT]):
         tolerance, max_crank_step, _ = self._settings
         linkage = self._linkage
         turns = 0
+        step = inf
         if last is not None and abs(alpha - last[0]) <= TURN + max_crank_step:
-            wraps = round((alpha - last[0] - remainder(alpha - last[0], TURN)) / TURN)
+            step = remainder(alpha - last[0], TURN)
+            wraps = round((alpha - last[0] - step) / TURN)
             turns = (last.turns - wraps) % linkage.change_points.period
         beta = alpha + turns * TURN
-        step = inf if last is None else remainder(alpha - last[0], TURN)
         # Near a change point Newton-Raphson has no way of its own.
         if abs(step) <= max_crank_step and linkage.interpolated(beta) is None:
             predict = self._functions_of(linkage.signs(beta)).predict
