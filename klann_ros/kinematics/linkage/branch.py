@@ -12,12 +12,11 @@ from contextlib import suppress
 from functools import cache, partial
 from math import isnan
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from klann_ros.kinematics.angles import Arc, TURN
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.errors import GeometryError, LoopsOpenError, NotConvergedError
-from klann_ros.kinematics.newton import newton_raphson
+from klann_ros.kinematics.errors import GeometryError, LoopsOpenError
 import numpy as np
 
 from .change_points import ChangePoint, MAX_PERIOD, SignChanges
@@ -191,9 +190,9 @@ class Branch:
         """
         Step across a change point after the last sample; return whether it is one.
 
-        The poses at equal steps before it are led on to the other side by their polynomial. There
-        the signs are free; a pose that is not where the polynomial leads, with its derivatives,
-        is on another branch.
+        The poses at equal steps before it are led on to the other side by their polynomial, which
+        tells the signs there; a pose that is not where it leads, with its derivatives, is on
+        another branch.
         """
         end = samples[-1].alpha
         nodes = end + direction * CROSSING_STEP * _BEFORE
@@ -212,14 +211,9 @@ class Branch:
         bodies = self._linkage.structure.bodies[1:]
         sizes = np.array([self._linkage.size if body.slides else 1.0 for body in bodies])
         guess += sizes * (_EXTRAPOLATION @ [differences(pose.x, x) for pose in poses])
-        try:
-            limits: Any = {'tolerance': TOLERANCE, 'max_iterations': ITERATIONS}
-            solution = newton_raphson(self._linkage, beyond, guess, **limits)[-1].tolist()
-        except NotConvergedError:
-            return False
-        u = self._linkage.vectors(beyond, solution)
+        u = self._linkage.vectors(beyond, guess)
         after = tuple(1 if block.sine(u) > 0.0 else -1 for block in self._linkage.blocks)
-        sample = self._sample(beyond, tuple(solution), after)
+        sample = self._sample(beyond, tuple(guess.tolist()), after)
         if sample is None:
             return False
         error_1 = (np.array(sample.x_1) - _EXTRAPOLATION @ [pose.x_1 for pose in poses]) / sizes
