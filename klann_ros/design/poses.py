@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from klann_ros.kinematics import linkage_poses, Structure
@@ -107,17 +108,13 @@ class PoseTarget:
             end = misses[:, (rows + 1) % step_count, columns]
             misses = start + (places - first)[:, None] * (end - start)
         steps = np.roll(misses, -1, axis=1) - misses
-        slopes = (np.conj(steps) * misses).real.sum(axis=-1)
-        bends = _squares(steps)
-        if self.is_timed:
-            # One place in the turn for all.
-            slopes = slopes.sum(axis=-1, keepdims=True)
-            bends = bends.sum(axis=-1, keepdims=True)
+        # With timing one place in the turn for all poses.
+        joint = partial(np.sum, axis=-1, keepdims=True) if self.is_timed else np.asarray
+        slopes = joint((np.conj(steps) * misses).real.sum(axis=-1))
         with np.errstate(all='ignore'):
-            along = np.clip(-slopes / bends, 0.0, 1.0)
+            along = np.clip(-slopes / joint(_squares(steps)), 0.0, 1.0)
         squares = _squares(misses + along[..., None] * steps)
-        total = squares.sum(axis=-1, keepdims=True) if self.is_timed else squares
-        nearest = total.argmin(axis=1)[:, None]
+        nearest = joint(squares).argmin(axis=1)[:, None]
         places = (nearest + np.take_along_axis(along, nearest, 1))[:, 0] + places
         nearest = np.broadcast_to(nearest, (len(points), 1, len(self.points)))
         distances = np.sqrt(np.take_along_axis(squares, nearest, 1)[:, 0])
