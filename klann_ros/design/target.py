@@ -215,24 +215,13 @@ def smooth_curve(points: ComplexArray) -> ComplexArray:
 def resampled(z: ComplexArray) -> ComplexArray:
     """Return closed polygons, shape (n, k), at `PATH_POINTS` even steps of their lengths."""
     closed = np.concatenate([z, z[:, :1]], axis=1)
-    count = z.shape[1]
-    along = np.zeros(closed.shape)
-    np.cumsum(np.abs(np.diff(closed, axis=1)), axis=1, out=along[:, 1:])
-    total = along[:, -1:]
-    along /= np.where(total > 0.0, total, 1.0)
-    positions = np.arange(PATH_POINTS) / PATH_POINTS
-    # The rows side by side: one search for all.
-    offsets = 2.0 * np.arange(len(z))[:, None]
-    index = np.searchsorted((along + offsets).ravel(), (positions + offsets).ravel(), side='right')
-    index = (index - 1).reshape(len(z), PATH_POINTS) - (count + 1) * np.arange(len(z))[:, None]
-    index = np.clip(index, 0, count - 1)
-    low = np.take_along_axis(along, index, axis=1)
-    high = np.take_along_axis(along, index + 1, axis=1)
-    start = np.take_along_axis(closed, index, axis=1)
-    end = np.take_along_axis(closed, index + 1, axis=1)
-    with np.errstate(all='ignore'):
-        share = np.where(high > low, (positions - low) / (high - low), 0.0)
-    return np.asarray(start + share * (end - start))
+    lengths = np.zeros(closed.shape)
+    np.cumsum(np.abs(np.diff(closed, axis=1)), axis=1, out=lengths[:, 1:])
+    fractions = np.arange(PATH_POINTS) / PATH_POINTS
+    samples = np.empty((len(z), PATH_POINTS), dtype=np.complex128)
+    for n, row_lengths in enumerate(lengths):
+        samples[n] = np.interp(fractions * row_lengths[-1], row_lengths, closed[n])
+    return samples
 
 
 def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Target:
