@@ -228,7 +228,7 @@ def calibrate(
         scale = start.parameters[model.names.index(CAMERA_SCALE)]
         measured = [scaled(series, scale) for series in measured]
         start = start_parameters(model, measured)
-    problem = Problem(model, measured, prior, crank_noise, start.parameters)
+    problem = Problem(start.model, measured, prior, crank_noise, start.parameters)
     try:
         calibration = _calibration(problem)
         return replace(calibration, camera_rotation=_camera_rotation(calibration))
@@ -245,7 +245,7 @@ def _camera_rotation(calibration: Calibration) -> float:
     camera_model = replace(model, optional=(*CAMERA, *model.optional))
     with suppress(MeasurementError):
         start = start_parameters(camera_model, few)
-        moved = _calibration(Problem(camera_model, few, None, 0.0, start.parameters))
+        moved = _calibration(Problem(start.model, few, None, 0.0, start.parameters))
         if _correction(moved) < MAX_CAMERA_SHARE * _correction(calibration):
             return moved.model.value(moved.values, CAMERA[2])
     return 0.0
@@ -269,7 +269,7 @@ def _explanation(model: MeasurementModel, measured: Sequence[MeasuredSeries]) ->
             is_delay = DELAY in possible_model.names and DELAY not in model.names
             misfit = 0.0 if is_delay else start.misfit
             if misfit < MAX_MISFIT:
-                problem = Problem(possible_model, seen, None, 0.0, start.parameters)
+                problem = Problem(start.model, seen, None, 0.0, start.parameters)
                 candidates.append((misfit, text, problem))
     candidates.sort(key=lambda candidate: candidate[0])
     for _, text, problem in candidates[:MAX_EXPLANATIONS]:

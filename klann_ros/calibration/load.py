@@ -191,10 +191,10 @@ def load_run(
         variance = float(np.median(samples.variances))
         noise = variance**0.5 if 0.0 < variance < np.inf else None
         kind = kind_of(leg.linkage, request.name)
-        is_in_degrees = kind == 'angle' and angle_unit == 'deg'
-        values = np.radians(samples.values) if is_in_degrees else samples.values
         source = printable(topic.name)
-        quantities.append(Quantity(kind, request.name, samples.times, values, noise, source))
+        quantities.append(
+            Quantity(kind, request.name, samples.times, samples.values, noise, source)
+        )
     tracked = crank_points(leg.linkage).keys() & {request.name for request in requests}
     crank = _crank_samples(crank_topics, messages, leg, start, is_needed=not tracked)
     return paired(leg, quantities, crank, angle_unit)

@@ -202,8 +202,10 @@ class Problem:
         is_used = is_used & np.isfinite(residuals)
         owners = self._checked_owners(is_used)
         sizes = np.abs(residuals[is_used])
-        medians = [np.median(sizes[owners == n]) for n in range(len(self.measured))]
-        return Fit(y, is_used, np.maximum(MAD_FACTOR * np.array(medians), MIN_NOISE), 0.0, None)
+        medians = np.empty(len(self.measured))
+        for n in range(len(medians)):
+            medians[n] = np.median(sizes[owners == n])
+        return Fit(y, is_used, np.maximum(MAD_FACTOR * medians, MIN_NOISE), 0.0, None)
 
     def likeliest(self, fit: Fit) -> Fit:
         """Return a fit with the noise of its residuals and the likeliest motion of the crank."""

@@ -68,8 +68,9 @@ def _spread(values: FloatArray) -> float:
 
 
 class Start(NamedTuple):
-    """The parameters of the first fit, and its misfit."""
+    """The model and the parameters of the first fit, and its misfit."""
 
+    model: MeasurementModel
     parameters: FloatArray
     misfit: float
 
@@ -85,11 +86,13 @@ def start_parameters(model: MeasurementModel, measured: Sequence[MeasuredSeries]
     best = best if misfits[best] < BETTER * misfits[0] else 0
     start = starts[best]
     misfit = misfits[best]
-    if not model.has_encoder and CAMERA[2] in model.names:
-        for _ in range(ROTATION_ROUNDS):
+    if not model.has_encoder:
+        rotation = float(rotations[best])
+        for _ in range(ROTATION_ROUNDS if CAMERA[2] in model.names else 0):
             rotation = -model.value(start, CAMERA[2])
             (start,), (misfit,) = _starts(model, few, np.array([rotation]))
-    return Start(start, misfit)
+        model = replace(model, phase=rotation + model.value(start, CAMERA[2]))
+    return Start(model, start, misfit)
 
 
 def _starts(

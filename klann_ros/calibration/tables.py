@@ -103,7 +103,7 @@ def _times(
     """Return the times of the rows [s], by a column of times or of frames."""
     column = by_role.get('time')
     if options.rate:
-        column = by_role.get('frame', column)
+        column = column or by_role.get('frame')
         frames: FloatArray = column.numbers if column else np.arange(float(count))
         return frames / options.rate
     if column is None:

@@ -6,7 +6,7 @@ from math import pi
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from klann_ros.datasheet import data_sheet, DataSheet, LegSheet
+from klann_ros.datasheet import data_sheet, LegSheet
 from klann_ros.gait import NoWalkerError, walk_figures
 from klann_ros.kinematics import KinematicsError, Linkage, linkage_poses, tolerance_study
 from klann_ros.robot import Robot, robot_from_file, robot_from_text, RobotLeg
@@ -104,7 +104,15 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     try:
         text = leg_text(with_numbers(candidate.space.leg, candidate.linkage))
         (leg,) = robot_from_text(text, 'the leg').legs
-        sheet = _massless_sheet(requirements, leg.linkage)
+        # Without masses the torque is that of the load alone.
+        sheet = data_sheet(
+            Robot('leg', (RobotLeg('', leg.linkage),)),
+            speed=requirements.speed,
+            load=requirements.load,
+            motor=requirements.motor,
+            margins=True,
+            samples=SHEET_SAMPLES,
+        )
     except (KinematicsError, TypeError, ValueError) as error:
         raise ProofError(str(error)) from error
     (leg_sheet,) = sheet.legs
@@ -169,18 +177,6 @@ def check_file(path: Path, leg: FoundLeg) -> None:
         raise ProofError(str(error)) from error
     if [robot_leg.linkage for robot_leg in robot.legs] != [leg.linkage]:
         raise ProofError(f'{printable(path)} has another leg than the one that was proven')
-
-
-def _massless_sheet(requirements: Requirements, linkage: Linkage) -> DataSheet:
-    """Return the data sheet of a leg without masses: the torque is that of the load alone."""
-    return data_sheet(
-        Robot('leg', (RobotLeg('', linkage),)),
-        speed=requirements.speed,
-        load=requirements.load,
-        motor=requirements.motor,
-        margins=True,
-        samples=SHEET_SAMPLES,
-    )
 
 
 def _non_turning_fraction(linkage: Linkage, tolerance: float) -> float:

@@ -530,14 +530,11 @@ def _in_order(function: Any, tasks: Sequence[Any], *, jobs: int | None, engine: 
     """Return the answers in the order of the tasks; a CandidateRefusal of a task without one."""
     if jobs == 1 and engine == 'local':
         return list(map(function, tasks))
-    unordered = dict(parallel_map(function, tasks, engine=engine, jobs=jobs))
-    answers = []
-    for n in range(len(tasks)):
-        answer = unordered[n]
-        answers.append(
-            CandidateRefusal(answer.reason) if isinstance(answer, TaskError) else answer
-        )
-    return answers
+    answers = dict(parallel_map(function, tasks, engine=engine, jobs=jobs))
+    for n, answer in answers.items():
+        if isinstance(answer, TaskError):
+            answers[n] = CandidateRefusal(answer.reason)
+    return [answers[n] for n in range(len(tasks))]
 
 
 def _chosen(requirements: Requirements, survivors: Sequence[Survivor], state: State) -> IndexArray:

@@ -14,7 +14,7 @@ import time
 from typing import Any
 
 from klann_ros.calibration.command import main
-from klann_ros.calibration.load import load_run, Request
+from klann_ros.calibration.load import Request
 from klann_ros.calibration.tables import load_table, TableOptions
 from klann_ros.datasheet.command import main as describe
 from klann_ros.export.command import main as export
@@ -130,15 +130,6 @@ def test_every_type_of_measured_point_is_read(leg_run: Path, tmp_path: Path, poi
     used_point = json.loads(numbers.read_text())['points'][point.partition('=')[0]]
     assert used_point['used'] > 390
     assert used_point['rms_built'] == pytest.approx(1e-4, rel=0.15)
-
-
-def test_measured_angles_of_a_run_may_be_in_degrees(leg_run: Path) -> None:
-    requests = [Request('theta', '/encoder2', 'theta'), Request('H', '/mocap/foot')]
-    (leg,) = robot_of('sem104').legs
-    angle, foot = load_run(str(leg_run), leg, requests).measured
-    angle_in_degrees, same_foot = load_run(str(leg_run), leg, requests, angle_unit='deg').measured
-    np.testing.assert_allclose(angle_in_degrees.values, np.radians(angle.values))
-    np.testing.assert_array_equal(same_foot.values, foot.values)
 
 
 def test_a_run_of_the_solver_needs_no_option(tmp_path: Path, capsys: Capture) -> None:

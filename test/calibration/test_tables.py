@@ -71,8 +71,6 @@ def load(tmp_path: Path, content: str, options: TableOptions) -> list[MeasuredSe
         (lambda: text(in_units(crank=DEGREES)), TableOptions()),
         (lambda: text(frames(), 'frame,alpha,H.x,H.y,G.x,G.y'), TableOptions(rate=20.0)),
         (lambda: text(columns()[:, 1:], ','.join(NAMES[1:])), TableOptions(rate=20.0)),
-        (lambda: text(np.column_stack([columns(), frames()[:, 0]]), ','.join((*NAMES, 'frame'))),
-         TableOptions(rate=20.0)),
         (lambda: text(columns(), 'Time,crank,foot.x,"foot, y",G.x,G.y'),
          TableOptions({'H.x': 'foot.x', 'H.y': 'foot, y'})),
         (lambda: text(columns(), '\t\tH\t\tG\t\t\nt\tcrank\tx\ty\tx\ty\t', '\t'),
