@@ -109,10 +109,9 @@ class CrankMotion:
             motion.factor = factor / density**0.5
             motion.states = solved(factor, weights.T @ positions / ratio)
             motions.append(motion)
-        max_deviance = min(motion.deviance for motion in motions) + LIKELY_DEVIANCE
-        likely = [motion for motion in motions if motion.deviance <= max_deviance]
-        vars(self).update(vars(min(likely, key=lambda motion: motion.deviance)))
-        self.likely = tuple(likely)
+        vars(self).update(vars(min(motions, key=lambda motion: motion.deviance)))
+        max_deviance = self.deviance + LIKELY_DEVIANCE
+        self.likely = tuple(motion for motion in motions if motion.deviance <= max_deviance)
 
     def weights(self, times: FloatArray) -> tuple[Any, Any]:
         """Return the weights of angles and rates [1/s] at times [s] on the states, sparse."""

@@ -26,7 +26,8 @@ CRANKS = ('crank', 'crank_angle', 'crank angle')
 # Parts of the names of columns that are fields of messages (PlotJuggler).
 MESSAGE_FIELDS = {'point', 'pose', 'position', 'transform', 'translation', 'data'}
 # Factors of the units in a header to SI units.
-UNIT_FACTORS = {'deg': radians(1.0), '°': radians(1.0), 'ms': 1e-3, 'mm': 1e-3, 'cm': 1e-2}
+UNIT_FACTORS = {'deg': radians(1.0), '°': radians(1.0), 'mm': 1e-3, 'cm': 1e-2, 'in': 0.0254}
+UNIT_FACTORS |= {'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
 _UNIT = re.compile(r'^(.+?)(?:\s*[\[(]\s*(.+?)\s*[\])]|[ _](deg|ms|mm|cm|rad|px|s|m))$')
 _AXIS = re.compile(r'^(.+?)[_./ ]+([xyXY])$')
 
