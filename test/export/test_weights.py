@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 import pytest
 
+ROOT = Path(__file__).resolve().parents[2]
 HOLE, WIDTH, THICKNESS, DENSITY = 4e-3, 20e-3, 3e-3, 1190.0
 OPTIONS = ['--hole', '4', '--width', '20', '--thickness', '3', '--plate-density', '1190']
 
@@ -102,6 +103,24 @@ def test_the_masses_of_plates_are_in_every_use_of_the_file(tmp_path: Path) -> No
     assert main([out, '--mjcf', mjcf]) == 0
     model = mujoco.MjModel.from_xml_path(mjcf)
     assert mujoco.mj_getTotalmass(model) == pytest.approx(leg.masses.total, rel=1e-6)
+
+
+def test_a_walker_and_its_motor_carry_the_masses_of_plates(tmp_path: Path) -> None:
+    out, walker, sheet = (str(tmp_path / name) for name in ('leg.yaml', 'two.yaml', 'two.json'))
+    assert main(['jansen', '--weighed', out, *OPTIONS]) == 0
+    Path(walker).write_text('legs: [left, right]\nlinkage: leg.yaml\nfoot_mass: 0.05\n')
+    motor = str(ROOT / 'config' / 'motor_example.yaml')
+    assert describe([walker, '--motor', motor, '--speed', '1', '--json', sheet]) == 0
+    plate_masses = robot_from_file(out).legs[0].masses
+    assert plate_masses is not None
+    content = json.loads(Path(sheet).read_text())
+    (leg,) = content['legs']
+    assert leg['mass'] == pytest.approx(plate_masses.total + 0.05)
+    assert leg['mass_basis'] == 'bodies'
+    robot = robot_from_file(walker)
+    turn = robot.dynamics(robot.legs[0]).turn(1.0)
+    (crank,) = content['cranks']
+    assert crank['motor']['peak'] == pytest.approx(2.0 * turn.torque.max(), rel=1e-3)
 
 
 def test_a_weighed_file_is_no_other_output(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
