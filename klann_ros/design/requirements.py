@@ -48,11 +48,12 @@ class Aim(NamedTuple):
 
 
 class Limit(NamedTuple):
-    """A bound of a figure (SI)."""
+    """A bound of a figure (SI); misses of a bound of 0 are relative to `scale`."""
 
     figure: str
     sense: str
     value: float
+    scale: float = 1.0
 
     def shortfall(self, figures: Any) -> Any:
         """Return by how much figures miss the bound; 0 or less if they hold it."""
@@ -60,7 +61,7 @@ class Limit(NamedTuple):
 
     def relative_shortfall(self, figures: Any) -> Any:
         """Return the shortfall relative to the bound, with the margin of the search."""
-        return self.shortfall(figures) / (abs(self.value) or 1.0) + LIMIT_MARGIN
+        return self.shortfall(figures) / (abs(self.value) or self.scale) + LIMIT_MARGIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +199,7 @@ def requirements_from(
         spaces=spaces,
         # Without an aim the best leg is the one farthest from jamming.
         aims=aims or (Aim('transmission_angle', 'maximize'),),
-        limits=(*limits, *_task_limits(content, poses)),
+        limits=tuple(_scaled(limit, spaces) for limit in (*limits, *_task_limits(content, poses))),
         units=units,
         target=target,
         poses=poses,
@@ -228,6 +229,18 @@ def _task_limits(content: Mapping[str, Any], poses: PoseTarget | None) -> Iterat
         yield Limit('rounding_error', 'at_most', FILE_ERROR)
 
 
+def _scaled(limit: Limit, spaces: Iterable[Space]) -> Limit:
+    """Return a limit; a length of 0 is relative to the longest bar in the middle of the ranges."""
+    if limit.value or FIGURES[limit.figure].unit != 'm':
+        return limit
+    scales = []
+    for space in spaces:
+        is_length = [dimension.is_length for dimension in space.linkage.structure.dimensions]
+        numbers = space.variants(np.full((1, len(space.names)), 0.5)).numbers
+        scales.append(float(numbers[is_length].max()))
+    return limit._replace(scale=min(scales))
+
+
 def _warn_of_lengths(requirements: Requirements, content: Mapping[str, Any]) -> None:
     """Warn of lengths that were probably given in millimetres."""
     ranges = {'grow.crank': content.get('grow', {}).get('crank')}
@@ -240,9 +253,10 @@ def _warn_of_lengths(requirements: Requirements, content: Mapping[str, Any]) -> 
     for name, ends in ranges.items():
         if isinstance(ends, list):
             lengths[name] = max(ends, key=abs)
-    for figure, sense, value in (*requirements.aims, *requirements.limits):
-        if FIGURES[figure].unit == 'm':
-            lengths[f'figures.{figure}.{sense}'] = value
+    bounds: list[Aim | Limit] = [*requirements.aims, *requirements.limits]
+    for bound in bounds:
+        if FIGURES[bound.figure].unit == 'm':
+            lengths[f'figures.{bound.figure}.{bound.sense}'] = bound.value
     lengths['tolerance'] = requirements.tolerance
     lengths['the size of path'] = requirements.target.size if requirements.target else 0.0
     angle = ', angle: deg' if requirements.units.angle == 'deg' else ''

@@ -324,6 +324,20 @@ def test_a_leg_is_found_that_stays_out_of_areas() -> None:
         assert 'area clearance' in text.replace('_', ' ')
 
 
+def test_a_small_leg_is_as_good_beside_an_area_as_a_large_one() -> None:
+    strides = []
+    for scale in (1.0, 1e-2):
+        content = {
+            'units': {'length': 'm'},
+            'scale': [scale, 1.0001 * scale],
+            'figures': {'stride': 'maximize'},
+            'forbidden': [{'half_plane': [[scale, -0.09 * scale], [0, -0.09 * scale]]}],
+        }
+        (leg,) = searched(content).legs
+        strides.append(leg.reached['stride'] / scale)
+    assert strides[1] == pytest.approx(strides[0], rel=0.02)
+
+
 def rounding_cost(requirements: Requirements, linkage: Linkage) -> tuple[float, float]:
     scores = variant_scores(requirements, Variants(linkage, {}))
     return float(scores.total[0]), float(scores.losses[0].sum())
