@@ -29,14 +29,13 @@ BRANCH_STEP = 0.05
 MIN_BRANCH_STEP = 1e-9
 TOLERANCE = 1e-9
 ITERATIONS = 6
-# Steps of the poses before a change point, which lead across it [rad], their number, and the
-# largest error of the pose beyond it and of its derivative [rad, size].
+# Steps of the poses before a change point, which lead across it [rad], and the largest error of
+# the pose beyond it and of its derivative [rad, size].
 CROSSING_STEP = 0.002
-CROSSING_NODES = 8
 MAX_CROSSING_ERROR = 1e-4
 MAX_RATE_ERROR = 1e-2
-_BEFORE = -np.arange(1.0, CROSSING_NODES + 1)
-# The weights of the poses before it at one step beyond it.
+# The poses before it, and their weights at one step beyond it.
+_BEFORE = -np.arange(1.0, 9.0)
 _EXTRAPOLATION = np.linalg.inv(np.vander(_BEFORE, increasing=True)).sum(axis=0)
 # Fields of a corrected pose: see LinkagePose.
 _X_AND_COEFFICIENTS = itemgetter(1, 5)
