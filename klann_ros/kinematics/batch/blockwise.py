@@ -15,7 +15,7 @@ from klann_ros.kinematics.arrays import AnyArray, BoolArray, ByteArray, FloatArr
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.blocks import Block, blocks_of, solve_openings
-from klann_ros.kinematics.linkage.change_points import ChangePoints, may_touch_zero
+from klann_ros.kinematics.linkage.change_points import may_touch_zero
 from klann_ros.kinematics.linkage.dimension_derivatives import vector_derivatives
 from klann_ros.kinematics.linkage.dyads import CONTACT_ROUNDING
 from klann_ros.kinematics.linkage.equations import path_terms
@@ -47,6 +47,7 @@ class Blockwise:
     ) -> None:
         self.structure = structure = variants.base.structure
         self._signs: Any = variants.signs[:, rows, None]
+        # The poses near change points, and which ones they are.
         self._interpolated: list[Any] = []
         self._linkage = linkage
         if linkage is None and variants.base.is_dyadic:
@@ -86,16 +87,12 @@ class Blockwise:
                 indices = [linkage.prefix_bodies.index(j) - 1 for j in block.unknowns]
                 self._refine(block, u, guesses[indices], linkage.size)
         if linkage and linkage.change_points:
-            self._interpolate(u, alphas, linkage.change_points)
-        return u
-
-    def _interpolate(self, u: list[Any], alphas: FloatArray, points: ChangePoints) -> None:
-        """Replace the vectors of poses near change points."""
-        self._interpolated = points.interpolated_poses(alphas)
+            self._interpolated = linkage.change_points.interpolated_poses(alphas)
         for near, pose in self._interpolated:
             x = [alphas[near], *pose.x.T]
             for j, vector in enumerate(joints.body_vectors(self.structure, x)):
                 u[j][near] = vector
+        return u
 
     def _interpolate_rates(self, u: list[Any], x_1: list[Any], u_1: list[Any]) -> None:
         """Replace the derivatives by the crank angle of poses near change points."""
@@ -267,7 +264,7 @@ def _may_change(variants: Variants) -> BoolArray:
                 candidates |= (misses <= rounding)[:, 0]
             elif has_all_screened and block.two_branches:
                 dyad = block.dyad_solver
-                p = dyad.discriminant(dyad.span(u, block.closure_vector(u) + 0.0 * u[0]))
+                p = dyad.discriminant(dyad.span(u, block.closure_vector(u)))
                 candidates |= may_touch_zero(p).any(axis=1)
     for linkage, candidate in zip(linkages or (), candidates, strict=False):
         if not candidate:

@@ -147,8 +147,7 @@ class _SlidingClearances:
             solver = dyads if is_whole else Blockwise(self._variants, indices[rows])
             with np.errstate(all='ignore'):
                 u = solver.place(np.arctan2(sin, cos), k)
-                # The ends of a dyad that stands still have one clearance, whatever the crank does.
-                return np.broadcast_to(solver.blocks[k].clearance(u), cos.shape).copy()
+                return np.asarray(solver.blocks[k].clearance(u))
 
         sizes = np.abs(self._variants.numbers[:, indices]).max(axis=0)
         return _smallest_over_turn(clearance, np.zeros((len(indices), 1)), sizes)

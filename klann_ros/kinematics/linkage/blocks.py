@@ -143,6 +143,9 @@ class Block:
     def closure_vector(self, u: Vectors) -> Any:
         """Return a dyad's W_a u_a + W_b u_b as the other bodies require it [m]."""
         _, constant = self.rows[0]
+        if not self._placed_terms:
+            # A dyad that stands still does so at each of many poses.
+            constant = constant + 0.0 * u[0]
         return -vector_sum(self._placed_terms, u, constant)
 
     @cached_property

@@ -378,7 +378,7 @@ class ChangePoints:
     def _spans(self, block: Block, betas: FloatArray) -> tuple[Any, Any]:
         """Return m and the clearance of a dyad at path angles."""
         u = self._vectors(betas, block.number - 1)
-        closure = block.closure_vector(u) + 0.0 * u[0]
+        closure = block.closure_vector(u)
         solver = block.dyad_solver
         return solver.span(u, closure), solver.clearance(closure, u)
 
@@ -402,6 +402,6 @@ class ChangePoints:
                 a, b = block.unknowns
                 signs = self._signs[block.number - 1].signs_at(betas)
                 signs = -signs if block.number == other else signs
-                closure = block.closure_vector(u) + 0.0 * u[0]
+                closure = block.closure_vector(u)
                 u[a], u[b] = block.dyad_solver.place(u, closure, signs)
         return u

@@ -236,6 +236,18 @@ def test_a_parallelogram_behind_a_parallelogram_stays_one() -> None:
         assert apart(x[:, 3], TEN_TURNS + math.radians(70.0)).max() <= 1e-9
 
 
+def test_a_dyad_beside_a_parallelogram_stands_still_at_every_pose() -> None:
+    still = """  s: {bars: [{from: A, to: E, length: 80}]}
+  t: {bars: [{from: D, to: E, length: 80}]}
+start: {c: 60, k: 0, r: 60, s: 51, t: 129}
+"""
+    linkage = linkage_from_text(PARALLELOGRAM.partition('start')[0] + still, 'still')
+    angle = math.acos(50.0 / 80.0)
+    for x in poses_every_way(linkage, ALPHAS):
+        assert apart(x[:, 1], ALPHAS).max() <= 1e-10
+        assert apart(x[:, 2:], [angle, math.pi - angle]).max() <= 1e-10
+
+
 def test_cardans_slider_moves_over_four_cranks() -> None:
     linkage = linkage_from_text(CARDAN, 'cardan')
     assert len(linkage.change_points.points) == 2
