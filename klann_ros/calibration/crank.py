@@ -45,7 +45,7 @@ MIN_VARIANCE = 1e-18
 SAMPLE_COUNT = 64
 
 
-class CrankMotion:
+class CrankSpline:
     """
     The motion of a crank by samples at rising times [s] and positions [rad], shape (n,).
 
@@ -58,7 +58,7 @@ class CrankMotion:
     noise: float  # sqrt(r) [rad]
     states: FloatArray  # means of the states
     factor: FloatArray  # Cholesky factor of the information of the states, in banded form
-    likely: tuple['CrankMotion', ...] = ()
+    likely: tuple['CrankSpline', ...] = ()
 
     def __init__(
         self, times: FloatArray, positions: FloatArray, noise: float | None = None
@@ -95,7 +95,7 @@ class CrankMotion:
         # The likelihood of the motion about a straight one, for the digits.
         line = np.polynomial.Polynomial.fit(times, positions, 1)(times)
         freedom = len(times) - ORDER * len(self.starts)
-        motions: list[CrankMotion] = []
+        motions: list[CrankSpline] = []
         for ratio in NOISE_RATIOS[:1] if noise == 0.0 else NOISE_RATIOS:
             factor = banded_factor(chain_information + weights.T @ weights / ratio)
             states = solved(factor, weights.T @ (positions - line) / ratio)
@@ -175,7 +175,7 @@ class CrankWhitening:
     that of the whitened numbers.
     """
 
-    def __init__(self, motion: CrankMotion, times: FloatArray, slopes: FloatArray) -> None:
+    def __init__(self, motion: CrankSpline, times: FloatArray, slopes: FloatArray) -> None:
         from scipy.sparse import dia_array, diags_array  # noqa: PLC0415
 
         width, count = motion.factor.shape

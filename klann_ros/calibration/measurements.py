@@ -10,7 +10,7 @@ from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 from klann_ros.sanitize.text import did_you_mean, printable
 import numpy as np
 
-from .crank import CrankMotion
+from .crank import CrankSpline
 
 Kind: TypeAlias = Literal['point', 'angle', 'distance']
 
@@ -34,9 +34,9 @@ class CrankSamples:
         return cls(times, np.unwrap(columns[:, 0]))
 
     @cached_property
-    def motion(self) -> CrankMotion:
+    def motion(self) -> CrankSpline:
         """Return the motion between the samples."""
-        return CrankMotion(self.times, self.positions)
+        return CrankSpline(self.times, self.positions)
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions [rad] and rates [rad/s], shape (n,); NaN in gaps and beyond."""

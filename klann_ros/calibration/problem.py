@@ -18,7 +18,7 @@ from klann_ros.kinematics import GeometryError
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray
 import numpy as np
 
-from .crank import CrankMotion, CrankWhitening
+from .crank import CrankSpline, CrankWhitening
 from .measurements import MeasuredSeries, MeasurementError, subset
 from .model import DELAY, MeasurementModel
 
@@ -57,7 +57,7 @@ class Fit(NamedTuple):
     is_used: BoolArray
     sigmas: FloatArray  # of each series [m, rad]
     crank_noise: float  # noise of the crank angle at each stamp [rad]
-    motion: CrankMotion | None  # the crank's motion, where its errors count
+    motion: CrankSpline | None  # the crank's motion, where its errors count
 
 
 class Rows(NamedTuple):
@@ -103,12 +103,12 @@ class Problem:
         self.stamps = np.unique(times, return_inverse=True)[1][self.samples]
 
     @cached_property
-    def motion(self) -> CrankMotion:
+    def motion(self) -> CrankSpline:
         """Return the motion of the crank, by the samples that all series are paired with."""
         encoder = self.measured[0].encoder
         if self._crank_noise is None:
             return encoder.motion
-        return CrankMotion(encoder.times, encoder.positions, self._crank_noise)
+        return CrankSpline(encoder.times, encoder.positions, self._crank_noise)
 
     def delayed_times(self, y: FloatArray) -> FloatArray:
         """Return the times of all rows by the crank's clock [s]."""
@@ -219,7 +219,7 @@ class Problem:
         return min(fits, key=lambda pair: pair[0])[1]
 
     def with_noise(
-        self, y: FloatArray, is_used: BoolArray, motion: CrankMotion | None = None
+        self, y: FloatArray, is_used: BoolArray, motion: CrankSpline | None = None
     ) -> Fit:
         """Return a fit with the noise of its residuals: stated, or estimated."""
         fit = self.with_robust_noise(y, is_used)

@@ -71,7 +71,7 @@ def refined(requirements: Requirements, space: Space, x: FloatArray) -> Linkage:
         variable_count += 1 + target.can_turn + target.can_scale + 2 * target.can_move
     start = np.zeros(variable_count)
     start[: len(x)] = x
-    fit = _Fit(requirements, space, motion)
+    fit = _PathFit(requirements, space, motion)
     candidates = []
     for variables in (start, _least_squares(fit, start)):
         leg = fit.legs(variables[None])[0]
@@ -134,7 +134,7 @@ def point_error(target: Target, linkage: Linkage) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit:
+class _PathFit:
     """
     The fit of candidates of a space, from the motion that places the first one on its path.
 
@@ -236,7 +236,7 @@ def _linkage(space: Space, x: FloatArray) -> Linkage:
     return space.variants(x[None])[0]
 
 
-def _least_squares(fit: _Fit, start: FloatArray) -> FloatArray:
+def _least_squares(fit: _PathFit, start: FloatArray) -> FloatArray:
     """Return the variables of least residuals near a start."""
     # It takes half a second to load.
     from scipy.optimize import least_squares  # noqa: PLC0415

@@ -2,7 +2,7 @@
 
 import math
 
-from klann_ros.calibration.crank import CrankMotion, CrankWhitening
+from klann_ros.calibration.crank import CrankSpline, CrankWhitening
 import numpy as np
 import pytest
 
@@ -24,7 +24,7 @@ def random_motion(seed: int, step: float, count: int) -> np.ndarray:
     return angles
 
 
-def covariance(motion: CrankMotion, times: np.ndarray) -> np.ndarray:
+def covariance(motion: CrankSpline, times: np.ndarray) -> np.ndarray:
     """Return the covariance of the angles at times, by the dense inverse of the information."""
     width, count = motion.factor.shape
     root = np.zeros((count, count))
@@ -37,7 +37,7 @@ def covariance(motion: CrankMotion, times: np.ndarray) -> np.ndarray:
 def test_samples_at_10_hz_show_a_smooth_motion_between_them() -> None:
     samples = np.arange(0.0, 6.0, 0.1)
     times = np.linspace(0.0, 5.9, 500)
-    angles, rates = CrankMotion(samples, uneven(samples)).at(times)
+    angles, rates = CrankSpline(samples, uneven(samples)).at(times)
     # Chords miss it by 4e-3 rad.
     assert np.abs(angles - uneven(times)).max() < 2e-4
     np.testing.assert_allclose(rates, 1.3 + 1.6 * np.cos(2.0 * times), atol=0.015)
@@ -46,7 +46,7 @@ def test_samples_at_10_hz_show_a_smooth_motion_between_them() -> None:
 def test_the_rate_is_the_derivative_of_the_angle() -> None:
     samples = np.arange(0.0, 6.0, 0.03)
     noise = np.random.default_rng(2).normal(0.0, CRANK_NOISE, len(samples))
-    motion = CrankMotion(samples, uneven(samples) + noise)
+    motion = CrankSpline(samples, uneven(samples) + noise)
     times = np.linspace(0.2, 5.7, 300)
     differences = motion.at(times + 1e-5)[0] - motion.at(times - 1e-5)[0]
     np.testing.assert_allclose(motion.at(times)[1], differences / 2e-5, atol=1e-6)
@@ -55,10 +55,10 @@ def test_the_rate_is_the_derivative_of_the_angle() -> None:
 def test_noise_is_smoothed_and_its_size_is_found() -> None:
     samples = np.arange(0.0, 6.0, 0.01)
     noise = np.random.default_rng(3).normal(0.0, CRANK_NOISE, len(samples))
-    motion = CrankMotion(samples, uneven(samples) + noise)
+    motion = CrankSpline(samples, uneven(samples) + noise)
     assert motion.noise == pytest.approx(CRANK_NOISE, rel=0.1)
     assert np.std(motion.at(samples)[0] - uneven(samples)) < 0.4 * CRANK_NOISE
-    stated = CrankMotion(samples, uneven(samples) + noise, 2.0 * CRANK_NOISE)
+    stated = CrankSpline(samples, uneven(samples) + noise, 2.0 * CRANK_NOISE)
     assert stated.noise == pytest.approx(2.0 * CRANK_NOISE)
 
 
@@ -70,7 +70,7 @@ def test_errors_between_samples_are_as_large_as_their_covariance(noise: float) -
         angles = random_motion(seed, 0.01, 1000)
         samples = np.arange(0, 1000, 20)
         measured = angles[samples] + np.random.default_rng(seed).normal(0.0, noise, len(samples))
-        motion = CrankMotion(0.01 * samples, measured)
+        motion = CrankSpline(0.01 * samples, measured)
         times = 0.01 * np.arange(50, 900, 7)
         variances.append(motion.variances(times))
         squares.append((motion.at(times)[0] - angles[50:900:7]) ** 2)
@@ -80,18 +80,18 @@ def test_errors_between_samples_are_as_large_as_their_covariance(noise: float) -
 
 def test_a_gap_separates_motions_that_nothing_joins() -> None:
     times = np.concatenate([np.arange(0.0, 1.0, 0.01), np.arange(2.0, 3.0, 0.01)])
-    motion = CrankMotion(times, uneven(times) + (times > 1.5))
+    motion = CrankSpline(times, uneven(times) + (times > 1.5))
     moments = np.array([-0.02, -0.009, 0.505, 1.5, 2.505, 2.99 + 0.009, 9.0, np.nan])
     assert motion.knows(moments).tolist() == [False, True, True, False, True, True, False, False]
     angles = motion.at(np.array([0.505, 2.505]))[0] - uneven(np.array([0.505, 2.505]))
     np.testing.assert_allclose(angles, [0.0, 1.0], atol=1e-6)
-    assert not CrankMotion(times[:3], times[:3]).knows(moments).any()
+    assert not CrankSpline(times[:3], times[:3]).knows(moments).any()
 
 
 def test_whitened_numbers_have_the_square_of_the_dense_covariance() -> None:
     samples = np.arange(0.0, 3.0, 0.1)
     rng = np.random.default_rng(4)
-    motion = CrankMotion(samples, uneven(samples) + rng.normal(0.0, 1e-2, len(samples)))
+    motion = CrankSpline(samples, uneven(samples) + rng.normal(0.0, 1e-2, len(samples)))
     times = np.sort(rng.uniform(0.0, 2.9, 40))
     slopes = rng.normal(0.0, 300.0, 40)
     numbers = rng.standard_normal((40, 3))
@@ -112,7 +112,7 @@ def test_whitened_numbers_have_the_square_of_the_dense_covariance() -> None:
 def test_variances_are_those_of_the_dense_covariance() -> None:
     samples = np.arange(0.0, 3.0, 0.1)
     noise = np.random.default_rng(5).normal(0.0, 1e-2, len(samples))
-    motion = CrankMotion(samples, uneven(samples) + noise)
+    motion = CrankSpline(samples, uneven(samples) + noise)
     times = np.linspace(0.0, 2.9, 200)
     expected = np.diag(covariance(motion, times)).mean()
     assert motion.variances(times).mean() == pytest.approx(expected, rel=0.2)

@@ -102,7 +102,7 @@ class InterpolatedPose(NamedTuple):
     x_2: FloatArray
 
 
-class _Fit(NamedTuple):
+class _PosePolynomials(NamedTuple):
     """The polynomials of the other coordinates, shape (8, n - 1), within a radius [rad]."""
 
     radius: float
@@ -219,25 +219,25 @@ class ChangePoints:
         """Return the difference of path angles after which the poses repeat [rad]."""
         return self.period * TURN
 
-    def _fit_of(self, centre: float, other: int = 0) -> _Fit:
+    def _fit_of(self, centre: float, crossed_block: int = 0) -> _PosePolynomials:
         """Return the interpolated poses around a point, or those of a dyad's other motion."""
         slides = [body.slides for body in self._linkage.structure.bodies[1:]]
         radius = NODE_STEP
         for _ in range(MAX_HALVINGS):
-            x = self._coordinates(centre + radius * np.insert(NODES, 4, MIDDLES), other)
-            fit = _Fit(radius, _FIT @ np.delete(x, [4, 5], axis=0))
+            x = self._coordinates(centre + radius * np.insert(NODES, 4, MIDDLES), crossed_block)
+            fit = _PosePolynomials(radius, _FIT @ np.delete(x, [4, 5], axis=0))
             error = fit.at(radius * MIDDLES).x - x[[4, 5]]
             error = np.where(slides, error / self._linkage.size, np.sin(error))
             if np.abs(error).max() <= INTERPOLATION_ERROR:
                 return fit
             radius /= 2.0
         # No motion leads through it.
-        return _Fit(-1.0, np.full_like(fit.coefficients, np.nan))
+        return _PosePolynomials(-1.0, np.full_like(fit.coefficients, np.nan))
 
-    def _coordinates(self, betas: FloatArray, other: int = 0) -> FloatArray:
+    def _coordinates(self, betas: FloatArray, crossed_block: int = 0) -> FloatArray:
         """Return the other coordinates along path angles, shape (k, n - 1)."""
         structure = self._linkage.structure
-        u = self._vectors(betas, len(self._linkage.blocks), other)
+        u = self._vectors(betas, len(self._linkage.blocks), crossed_block)
         x = []
         for j, body in enumerate(structure.bodies[1:], 1):
             coordinate = joints.coordinate(structure, u, j)
@@ -382,11 +382,11 @@ class ChangePoints:
         solver = block.dyad_solver
         return solver.span(u, closure), solver.clearance(closure, u)
 
-    def _vectors(self, betas: FloatArray, count: int, other: int = 0) -> list[Any]:
+    def _vectors(self, betas: FloatArray, count: int, crossed_block: int = 0) -> list[Any]:
         """
         Return u_j of the bodies in the first blocks at path angles, shape (k,).
 
-        The dyad of number `other` has the opposite sign.
+        The dyad of number `crossed_block` has the opposite sign.
         """
         linkage = self._linkage
         betas = self.path_angles(betas)
@@ -401,7 +401,7 @@ class ChangePoints:
             for block in linkage.blocks[first:count]:
                 a, b = block.unknowns
                 signs = self._signs[block.number - 1].signs_at(betas)
-                signs = -signs if block.number == other else signs
+                signs = -signs if block.number == crossed_block else signs
                 closure = block.closure_vector(u)
                 u[a], u[b] = block.dyad_solver.place(u, closure, signs)
         return u
