@@ -141,8 +141,12 @@ def _motion_ranges(
     motion = {f'place.{key}': ends for key, ends in content.get('place', {}).items()}
     if motion and not leg.description:
         raise RequirementsError('place needs a linkage with pivots of its own, such as klann')
-    if 'place.turn' in motion and not leg.linkage.is_dyadic:
-        raise RequirementsError('place.turn: linkages with coupled loops are only moved')
+    # Their branch is known where the linkage is drawn.
+    has_branch = not leg.linkage.is_dyadic or leg.linkage.change_points
+    if 'place.turn' in motion and has_branch:
+        raise RequirementsError(
+            'place.turn: linkages with coupled loops or change points are only moved'
+        )
     if 'scale' in content:
         motion['scale'] = content['scale']
     for name, (low, high) in motion.items():

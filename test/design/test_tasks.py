@@ -508,7 +508,8 @@ ANGLE = {'x': 0, 'y': 0, 'angle': 1}
             'it must have move, turn and scale: false',
         ),
         ({'linkage': 'sem104', 'place': {'x': [0, 1]}}, 'with pivots of its own'),
-        ({'linkage': 'stephenson', 'place': {'turn': [0, 1]}}, 'coupled loops are only moved'),
+        ({'linkage': 'stephenson', 'place': {'turn': [0, 1]}}, 'are only moved'),
+        ({'linkage': 'parallelogram', 'place': {'turn': [0, 1]}}, 'change points are only moved'),
     ],
 )
 def test_bad_tasks_are_refused_in_one_line(content: Mapping[str, Any], message: str) -> None:
