@@ -11,6 +11,7 @@ from klann_ros.kinematics.svg import pose_svg
 import numpy as np
 
 from . import joints
+from .change_points import InterpolatedPose
 from .linkage import Linkage
 from .structure import Structure
 
@@ -28,8 +29,7 @@ def closed_form_vectors(
     if signs is None:
         interpolated = linkage.interpolated(alpha)
         if interpolated is not None:
-            x = [alpha, *interpolated.x.tolist()]
-            return list(map(complex, joints.body_vectors(linkage.structure, x)))
+            return _interpolated_vectors(linkage, alpha, interpolated)
         signs = linkage.signs(alpha)
     u = [rect(1.0, senses[0] * alpha), *[0j] * (len(senses) - 1)]
     prefix: list[complex] = []
@@ -245,8 +245,17 @@ def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> Linkage
 def path_pose(linkage: Linkage, alpha: float, turns: int = 0) -> LinkagePose:
     """Return the pose at a crank angle by the geometric method, some turns along its path."""
     beta = alpha + turns * TURN
-    pose = closed_pose(linkage, closed_form_vectors(linkage, beta), alpha)
     interpolated = linkage.interpolated(beta)
-    if interpolated is not None:
-        pose = pose._replace(coefficients=tuple(interpolated.x_1.tolist()))
-    return pose._replace(turns=turns)
+    if interpolated is None:
+        u = closed_form_vectors(linkage, beta, linkage.signs(beta))
+        return closed_pose(linkage, u, alpha)._replace(turns=turns)
+    pose = closed_pose(linkage, _interpolated_vectors(linkage, beta, interpolated), alpha)
+    return pose._replace(coefficients=tuple(interpolated.x_1.tolist()), turns=turns)
+
+
+def _interpolated_vectors(
+    linkage: Linkage, beta: float, interpolated: InterpolatedPose
+) -> list[complex]:
+    """Return the bodies' vectors of a pose near a change point, at its path angle [rad]."""
+    x = [beta, *interpolated.x.tolist()]
+    return list(map(complex, joints.body_vectors(linkage.structure, x)))
