@@ -21,7 +21,7 @@ from klann_ros.kinematics import (
     transmission_angles,
     vectors,
 )
-from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
+from klann_ros.kinematics.angles import MAX_CRANK_ANGLE, TURN
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
 import numpy as np
 
@@ -32,7 +32,6 @@ from .times import median, pairs
 _BLOCK_SIZE = 65536
 _FIRST_POSES = 20
 _PATH_GAP = 1_000_000_000
-_TURN = 2 * np.pi
 _LARGEST = np.finfo(np.float64).max
 
 
@@ -94,10 +93,10 @@ def path_angles(recording: LegRecording, leg: AnyLeg) -> FloatArray:
         first = rows[:_FIRST_POSES]
         misfits = []
         for turn in range(period):
-            solved: Any = linkage_poses(leg, betas[first] + turn * _TURN, angles=True)
+            solved: Any = linkage_poses(leg, betas[first] + turn * TURN, angles=True)
             errors = differences(leg, recording.poses.values[first, 1:], solved.angles)
             misfits.append(np.median(np.abs(np.nan_to_num(errors))))
-        betas[rows] += _TURN * np.argmin(misfits)
+        betas[rows] += TURN * np.argmin(misfits)
     return np.where(is_angle, betas, alphas)
 
 
@@ -187,13 +186,13 @@ def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigure
     with np.errstate(over='ignore'):
         is_path = len(feet) and _covers_a_turn(alphas)
         stride, lift = np.ptp(feet, axis=0) if is_path else (nan, nan)
-        turns = float(alphas[-1] - alphas[0]) / _TURN if len(alphas) else nan
+        turns = float(alphas[-1] - alphas[0]) / TURN if len(alphas) else nan
     leg = recording.solver.leg
     stance = _stance(leg.linkage) if leg else None
     duty_factor = straightness = nan
     if stance is not None:
         straightness = stance.straightness
-        is_stance = np.mod(alphas - stance.start, _TURN) < stance.end - stance.start
+        is_stance = np.mod(alphas - stance.start, TURN) < stance.end - stance.start
         duty_factor = float(np.mean(is_stance)) if is_stance.size else nan
     figures = LegFigures(turns, float(stride), float(lift), duty_factor, straightness)
     if errors is None:
@@ -218,7 +217,7 @@ def _covers_a_turn(alphas: FloatArray) -> bool:
     if not len(alphas):
         return True
     steps = np.abs(np.diff(alphas))
-    return bool(np.ptp(alphas) + (median(steps) if len(steps) else 0.0) >= _TURN)
+    return bool(np.ptp(alphas) + (median(steps) if len(steps) else 0.0) >= TURN)
 
 
 @lru_cache(maxsize=16)
