@@ -109,7 +109,7 @@ def test_no_letter_is_on_a_bar(linkage: Linkage) -> None:
         KlannGeometry.sem104().linkage,
         KlannLeg(),
         FourBar(0.18, 0.08, 0.2, 0.15),
-        FourBar(0.18, 0.08, 0.2, 0.15).geometry,
+        FourBar(180, 80, 200, 150, unit='mm').inversion('crank').geometry.scaled(2.0),
         LinkageLeg(shipped_linkage('stephenson')),
     ],
     ids=lambda linkage: type(linkage).__name__,
@@ -120,8 +120,9 @@ def test_a_linkage_a_geometry_or_a_leg_is_drawn(linkage: object) -> None:
         plotting.plot_foot_path(linkage, ax=new_axes()),
     ):
         assert ax.get_aspect() == 1
-        # The lengths of a four-bar may be in any unit, such as mm.
-        unit = '' if 'FourBar' in type(linkage).__name__ else ' / m'
+        # The lengths of a four-bar are in any unit, which it names if it was given.
+        units = {'FourBar': '', 'FourBarGeometry': ' / mm'}
+        unit = units.get(type(linkage).__name__, ' / m')
         assert (ax.get_xlabel(), ax.get_ylabel()) == (f'x{unit}', f'y{unit}')
     assert plotting.plot_turn(linkage, ax=new_axes()).lines
     assert plotting.plot_turn(linkage, 'foot', ax=new_axes()).get_ylabel() == f'x, y{unit}'

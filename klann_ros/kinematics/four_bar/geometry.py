@@ -12,6 +12,8 @@ from klann_ros.kinematics.linkage.reach import crank_limits, length_rounding
 from klann_ros.kinematics.linkage.structure import Bar, Body, Dimension, Structure
 
 LENGTHS = ('ground', 'crank', 'coupler', 'rocker')
+# Units that lengths may be named in; they are not converted.
+LENGTH_UNITS = ('m', 'cm', 'mm', 'in')
 STRUCTURE = Structure(
     pivots=('O2', 'O4'),
     bodies=(
@@ -50,13 +52,15 @@ class FourBarGeometry(NamedGeometry):
         How it goes on there: 'parallel', along the tangent, so that a parallelogram stays one;
         'crossed', along the tangent of the other motion, the antiparallelogram; or 'sign', with
         the same sign, so that the motion turns back.
+    unit : str
+        The unit of the lengths in texts and on axes: 'm', 'cm', 'mm' or 'in'; by default none.
 
     Raises
     ------
     GeometryError
         A length is not a finite number, not positive or beyond all measure, the assembly is not
-        +1 or -1, `at_change_points` none of these, or one link is as long as the other three
-        together. A ValueError.
+        +1 or -1, `at_change_points` or `unit` none of these, or one link is as long as the other
+        three together. A ValueError.
 
     """
 
@@ -68,6 +72,7 @@ class FourBarGeometry(NamedGeometry):
     rocker: float
     assembly: int = 1
     at_change_points: str = PARALLEL
+    unit: str = ''
 
     def __post_init__(self) -> None:
         for name in LENGTHS:
@@ -77,6 +82,8 @@ class FourBarGeometry(NamedGeometry):
             validation.check_magnitude(name, getattr(self, name), unit='')
         object.__setattr__(self, 'assembly', validation.assembly_signs((self.assembly,), 1)[0])
         validation.choice('at_change_points', self.at_change_points, COURSES)
+        if self.unit != '':
+            validation.choice('unit', self.unit, LENGTH_UNITS)
         longest = max(self.lengths)
         sum_of_others = sum(sorted(self.lengths)[:3])
         if longest >= sum_of_others - length_rounding(self.lengths):
@@ -96,7 +103,7 @@ class FourBarGeometry(NamedGeometry):
     def linkage(self) -> Linkage:
         """Return the four-bar as a linkage, the form that is solved."""
         return Linkage(
-            STRUCTURE,
+            replace(STRUCTURE, unit=self.unit),
             self.lengths,
             assembly=(self.assembly,),
             at_change_points=self.at_change_points,

@@ -197,6 +197,8 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         How it goes on at the change points of class III: see `FourBarGeometry`. So
         `FourBar(2, 1, 2, 1)` is a parallelogram all the way round, its other assembly, and
         'crossed', an antiparallelogram.
+    unit : str
+        The unit of the lengths on axes and in texts, such as 'mm'; by default none is named.
     tolerance, max_crank_step : float
         As for every `Leg` [rad].
 
@@ -219,10 +221,11 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         assembly: int = 1,
         *,
         at_change_points: str = PARALLEL,
+        unit: str = '',
         **settings: float,
     ) -> None:
         lengths = ground, crank, coupler, rocker
-        self._geometry = FourBarGeometry(*lengths, assembly, at_change_points)
+        self._geometry = FourBarGeometry(*lengths, assembly, at_change_points, unit)
         super().__init__(self._geometry.linkage, **settings)
 
     def __repr__(self) -> str:
@@ -255,6 +258,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         tolerance, max_crank_step, _ = self._settings
         settings: dict[str, Any] = {'tolerance': tolerance, 'max_crank_step': max_crank_step}
         settings['at_change_points'] = self._geometry.at_change_points
+        settings['unit'] = self._geometry.unit
         sign = self._geometry.assembly if assembly is None else assembly
         return FourBar(ground, crank, coupler, rocker, sign, **settings)
 
