@@ -11,6 +11,7 @@ from string import Template
 from typing import Any, NamedTuple
 from uuid import NAMESPACE_URL, uuid5
 
+from klann_ros import __version__
 from klann_ros.sanitize.yaml_text import parse_file
 from klann_ros.web import element, joined, Markup, table_row
 
@@ -274,7 +275,7 @@ def notebook(variant: Variant, language: str) -> Mapping[str, Any]:
 
 def _cells(variant: Variant, language: str) -> Iterator[tuple[str, str]]:
     title = texts()['kinds'][variant.kind.name][language]['title']
-    yield 'code', _filled('notebook_install')
+    yield 'code', install_cell(language, 'otter-grader', 'otter')
     yield 'markdown', _filled('notebook_task', title=title, problem=problem(variant, language))
     yield 'code', _filled('notebook_start', student=repr(variant.student))
     for question in variant.kind.questions:
@@ -284,6 +285,14 @@ def _cells(variant: Variant, language: str) -> Iterator[tuple[str, str]]:
         yield 'markdown', _filled('notebook_question', words=words, unit=unit, asked=digits)
         yield 'code', _filled('notebook_answer', question=question.name)
     yield 'code', _filled('notebook_end')
+
+
+def install_cell(language: str, package: str, module: str) -> str:
+    """Return the first cell of a notebook: it installs what is missing, and says what is then."""
+    words = {'package': package, 'module': module, 'version': __version__}
+    for name, text in _templates()['notebook_words'][language].items():
+        words[name] = Template(text).substitute(version=__version__)
+    return _filled('notebook_install', **words)
 
 
 def _cell(number: int, kind: str, source: str) -> dict[str, Any]:
