@@ -1,19 +1,43 @@
 """
-Build the manual and the API reference: python docs/build.py FOLDER.
+Build the manual, the API reference and the lab as one folder: python docs/build.py FOLDER.
 
-Any warning is an error. README, CONTRIBUTING, SECURITY and CHANGELOG are pages of it, so Sphinx
+The folder is a site of static files: any web server can serve it, below any address, and a
+browser opens it from a disk. Any warning is an error, and so is a broken link, or a page that
+loads something from outside. README, CONTRIBUTING, SECURITY and CHANGELOG are pages, so Sphinx
 starts from the folder above this one.
 """
 
+import argparse
 from pathlib import Path
 import sys
+from tempfile import TemporaryDirectory
 
+from links import Site
 from sphinx.cmd.build import main
 
 DOCS = Path(__file__).resolve().parent
 PAGES = ('README.md', 'CONTRIBUTING.md', 'SECURITY.md', 'CHANGELOG.rst', 'docs/**')
 
+
+def build(folder: Path, url: str) -> int:
+    """Build the site that will stand at an address, if there is one; return 0 on success."""
+    with TemporaryDirectory(prefix='klann_ros-docs-') as doctrees:
+        options = ['-b', 'html', '-c', DOCS, '-d', doctrees, '--fail-on-warning', '--quiet']
+        options += ['-D', 'root_doc=docs/index', '-D', f'include_patterns={",".join(PAGES)}']
+        options += ['-D', f'html_baseurl={url}', DOCS.parent, folder]
+        code = main([str(option) for option in options])
+    if code:
+        return code
+    broken = [*Site(folder).broken_links()]
+    for line in broken:
+        sys.stderr.write(f'{line}\n')
+    return 1 if broken else 0
+
+
 if __name__ == '__main__':
-    options = ['-b', 'html', '-c', DOCS, '--fail-on-warning', '--quiet']
-    options += ['-D', 'root_doc=docs/index', '-D', f'include_patterns={",".join(PAGES)}']
-    sys.exit(main([str(argument) for argument in [*options, DOCS.parent, *sys.argv[1:]]]))
+    parser = argparse.ArgumentParser(description='Build the manual and the lab as static files.')
+    parser.add_argument('folder', type=Path, metavar='FOLDER')
+    help_text = 'address of the published site: it names the picture that networks show'
+    parser.add_argument('--url', default='', help=help_text)
+    arguments = parser.parse_args()
+    sys.exit(build(arguments.folder, arguments.url))

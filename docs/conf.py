@@ -4,12 +4,18 @@ Settings of Sphinx, for `python docs/build.py FOLDER` and for rosdoc2, which add
 rosdoc2 keeps the places of the files (rosdoc2.yaml): README and the like above docs/.
 """
 
+from importlib.util import find_spec
+from pathlib import Path
+import sys
+
 from klann_ros import __version__
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 project = 'klann_ros'
 author = 'klann_ros maintainers'
 version = release = __version__
-extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.mathjax', 'sphinx.ext.napoleon']
+extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon']
 source_suffix = {'.rst': 'restructuredtext', '.md': 'markdown'}
 myst_enable_extensions = ['dollarmath', 'amsmath']
 # Links to a heading, as where the Markdown itself is shown.
@@ -24,3 +30,18 @@ napoleon_use_ivar = True
 # Code of kinds that have no lexer is shown as it is; and a parameter's type may be prose ('of the
 # shape of alpha'), whose words are no names of ours.
 suppress_warnings = ['misc.highlighting_failure', 'ref.python']
+
+html_title = 'klann_ros'
+html_copy_source = False
+# They would be fetched, which a browser refuses for files.
+html_show_search_summary = False
+if find_spec('furo'):
+    extensions += ['sphinx.ext.githubpages', 'static_site']
+    html_theme = 'furo'
+    html_math_renderer = 'mathml'
+    html_static_path = ['static']
+    templates_path = ['templates']
+    html_additional_pages = {'index': 'start.html'}
+else:
+    # docs.ros.org has a theme of its own, and an older docutils.
+    extensions += ['sphinx.ext.mathjax']
