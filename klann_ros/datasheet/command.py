@@ -4,9 +4,19 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 
-from klann_ros.cli import ArgumentParser, NOT_READ, output_files, path, save_texts
+from klann_ros.cli import (
+    ArgumentParser,
+    NOT_READ,
+    number_type,
+    output_files,
+    path,
+    save_texts,
+)
 from klann_ros.dynamics import MassError
+from klann_ros.kinematics import LinkageLeg
 from klann_ros.robot import robot_of, RobotFileError
+from klann_ros.sanitize.text import printable_line
+import numpy as np
 
 from .computing import data_sheet, DEFAULT_SPEED
 from .json_report import report
@@ -47,6 +57,12 @@ def _describe(options: argparse.Namespace) -> int:
     numbers = {'speed': options.speed, 'load': options.load}
     sheet = data_sheet(robot, **numbers, motor=motor, margins=options.margins)
     print(sheet_text(sheet), end='')
+    if options.table is not None:
+        for leg in sheet.legs:
+            end = 360.0 * leg.linkage.change_points.period + 1e-9
+            alphas = np.radians(np.arange(0.0, end, options.table))
+            print(f'\n{printable_line(leg.title or sheet.name)} at {options.speed:g} rad/s')
+            print(LinkageLeg(leg.linkage).table(alphas, options.speed))
     save_texts(files, {'--html': partial(page, sheet), '--json': partial(report, sheet)})
     return 0 if sheet.motor_turns else MOTOR_FAILS
 
@@ -63,6 +79,9 @@ def _parser() -> ArgumentParser:
     add('--bar-density', metavar='KG_M', type=float, help=density)
     add('--motor', metavar='FILE', type=path, help='can this motor turn it?')
     add('--margins', action='store_true', help='also of coupled loops, which takes seconds')
+    step = number_type(lambda step: 4.0 <= step <= 180.0, 'a step of 4 to 180 [deg]')
+    table = 'a turn as a table in such steps, with rates and accelerations [deg]'
+    add('--table', metavar='STEP', type=step, help=table)
     add('--html', metavar='OUT', help='the page: the leg moving, and charts')
     add('--json', metavar='OUT', help='the sheet for machines, in SI units')
     return parser

@@ -17,19 +17,18 @@ The interface by subject. Angles are in rad: 60 degrees are `60 * deg` (`deg`). 
 =====================  ================================================================
 Solvers                `KlannLeg`, `FourBar`, `LinkageLeg`: `solve`, `closed_form`,
                        `newton`, `velocity`, `acceleration`, `gradient`,
-                       `crank_torque`, `foot_force`, `reachable_arcs`
+                       `crank_torque`, `foot_force`, `reachable_arcs`, `table`
 Geometry               `KlannGeometry`, `FourBarGeometry`, `Linkage`; `shipped_linkage`,
                        `shipped_linkages`, `linkage_from_file`, `linkage_from_text`
 Results                `KlannPose`, `FourBarPose`, `LinkagePose`, their motions;
-                       `Iterations`
+                       `Iterations`, `LegTable` of `table`
 Assembly modes         `assemblies`, `assembly_poses`, `reachable_arcs`
 The foot               `foot_path`: `FootPath`, `Stance`, `Nearest`
 Batches                `linkage_poses`, `klann_poses`: `LinkagePoses`, `Reason`;
                        `Variants`
 Tolerances             `turns_fully`, `length_margins`: `Margin`;
                        `tolerance_study`: `ToleranceStudy`
-The four-bar           `Grashof`, `DeadPoint`, `RockerLimits`, `TransmissionExtremes`,
-                       `FourBarTable`
+The four-bar           `Grashof`, `DeadPoint`, `RockerLimits`, `TransmissionExtremes`
 Errors                 `KinematicsError`: `GeometryError`, `LinkageFileError`,
                        `CrankAngleError`, `UnreachableError`, `LoopsOpenError`,
                        `NotConvergedError`, ...
@@ -64,7 +63,6 @@ if TYPE_CHECKING:
     from .batch.poses import (
         differences,
         feet,
-        klann_poses,
         linkage_poses,
         loop_errors,
         transmission_angles,
@@ -72,6 +70,7 @@ if TYPE_CHECKING:
         wrapped,
     )
     from .batch.results import LinkagePoses, Reason
+    from .batch.tables import LegTable
     from .batch.tolerance_study import tolerance_study, ToleranceStudy
     from .batch.turn_clearance import driven_clearances
     from .batch.turns import whole_turns
@@ -97,13 +96,13 @@ if TYPE_CHECKING:
         FourBar,
         FourBarMotion,
         FourBarPose,
-        FourBarTable,
         TransmissionExtremes,
     )
     from .four_bar.mobility import DeadPoint, Grashof, RockerLimits
     from .klann import (
         BENDS,
         JOINTS,
+        klann_poses,
         KlannGeometry,
         KlannLeg,
         KlannMotion,

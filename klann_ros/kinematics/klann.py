@@ -1,14 +1,18 @@
 """The Klann leg: its dimensions, with the two legs of the literature, and its solution."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 import math
 from typing import Any, ClassVar
 
 from klann_ros.sanitize.units import warn_of_lengths
+from numpy.typing import ArrayLike
 
 from . import validation
 from .angles import wrap
+from .batch.poses import linkage_poses
+from .batch.results import LinkagePoses
 from .errors import GeometryError
 from .linkage.assemblies import assemblies
 from .linkage.leg import Leg
@@ -16,6 +20,7 @@ from .linkage.linkage import Linkage, NamedGeometry
 from .linkage.pose import LinkageMotion, LinkagePose, PoseEntry
 from .linkage.reach import closes_somewhere
 from .linkage.structure import Bar, Body, Dimension, Structure
+from .linkage.variants import Variants
 
 LENGTHS = ('l_ab', 'l_bc', 'l_dc', 'l_cg', 'l_ef', 'l_fg', 'l_gh')
 COORDINATES = ('x_d', 'y_a', 'x_e', 'y_e')
@@ -258,3 +263,34 @@ class KlannLeg(Leg[KlannPose, KlannMotion]):
 def _direction(p: tuple[float, float], q: tuple[float, float]) -> float:
     """Return the direction from p to q, counter-clockwise from x [rad]."""
     return math.atan2(q[1] - p[1], q[0] - p[0])
+
+
+def klann_poses(geometries: Any, alphas: ArrayLike, **options: Any) -> LinkagePoses:
+    """
+    Return the poses of Klann legs: `linkage_poses` of their geometries.
+
+    `angles` are gamma, beta, delta, theta, and `points` A to H.
+
+    Raises
+    ------
+    TypeError
+        `geometries` is neither a KlannGeometry nor an iterable of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> poses = klann_poses(KlannGeometry.sem104(), np.linspace(0.0, 2.0 * np.pi, 1_000_000))
+    >>> poses.h.shape, int(np.count_nonzero(poses.reason))
+    ((1000000, 2), 0)
+
+    """
+    if isinstance(geometries, KlannGeometry):
+        return linkage_poses(geometries, alphas, **options)
+    legs = list(geometries) if isinstance(geometries, Iterable) else [geometries]
+    for leg in legs:
+        if not isinstance(leg, KlannGeometry):
+            raise TypeError(f'geometries: {leg!r} is refused: it must be a KlannGeometry')
+    if not legs:
+        # An empty batch has the shapes of a Klann leg, too.
+        return linkage_poses(Variants(KlannGeometry().linkage, {'l_ab': []}), alphas, **options)
+    return linkage_poses(legs, alphas, **options)

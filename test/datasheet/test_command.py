@@ -4,6 +4,7 @@ import json
 import os
 from pathlib import Path
 
+from change_point_linkages import change_point_file
 from hostile_leg import HOSTILE, LINKAGE
 from klann_ros.datasheet.command import main
 import pytest
@@ -51,6 +52,17 @@ def test_a_weak_motor_has_exit_code_1(arguments: list[str], reason: str, capsys:
     report = capsys.readouterr().out
     assert 'The motor cannot turn it' in report
     assert reason in report
+
+
+def test_a_turn_is_a_table_in_steps_over_all_turns_that_it_takes(capsys: Capture) -> None:
+    two_turns = str(change_point_file('two_turns'))
+    for name, step, count in (('sem104', '120', 4), (two_turns, '90', 9)):
+        assert main([name, '--table', step, '--speed', '2']) == 0
+        table = capsys.readouterr().out.partition(' at 2 rad/s\n')[2]
+        rows = table.split('\n\n')[0].splitlines()[2:]
+        assert [float(row.split()[0]) for row in rows] == [int(step) * n for n in range(count)]
+    with pytest.raises(SystemExit):
+        main(['sem104', '--table', '3'])
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Many poses at once: solved (`linkage_poses`, `klann_poses`), or given by measured angles."""
+"""Many poses at once: solved (`linkage_poses`), or given by measured angles."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import prod
@@ -6,7 +6,6 @@ from typing import Any, TypeAlias
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import AnyArray, FloatArray
-from klann_ros.kinematics.klann import KlannGeometry
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.linkage.variants import Variants
@@ -153,37 +152,6 @@ def _derivative_axes(
     if velocities and gradients:
         derivatives['h_1_gradient'] = (2, count)
     return derivatives
-
-
-def klann_poses(geometries: Any, alphas: ArrayLike, **options: Any) -> LinkagePoses:
-    """
-    Return the poses of Klann legs: `linkage_poses` of their geometries.
-
-    `angles` are gamma, beta, delta, theta, and `points` A to H.
-
-    Raises
-    ------
-    TypeError
-        `geometries` is neither a KlannGeometry nor an iterable of them.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> poses = klann_poses(KlannGeometry.sem104(), np.linspace(0.0, 2.0 * np.pi, 1_000_000))
-    >>> poses.h.shape, int(np.count_nonzero(poses.reason))
-    ((1000000, 2), 0)
-
-    """
-    if isinstance(geometries, KlannGeometry):
-        return linkage_poses(geometries, alphas, **options)
-    legs = list(geometries) if isinstance(geometries, Iterable) else [geometries]
-    for leg in legs:
-        if not isinstance(leg, KlannGeometry):
-            raise TypeError(f'geometries: {leg!r} is refused: it must be a KlannGeometry')
-    if not legs:
-        # An empty batch has the shapes of a Klann leg, too.
-        return linkage_poses(Variants(KlannGeometry().linkage, {'l_ab': []}), alphas, **options)
-    return linkage_poses(legs, alphas, **options)
 
 
 def _variants(linkages: Any) -> tuple[bool, Variants | None]:

@@ -2,13 +2,12 @@
 
 from cmath import rect
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import atan2, dist, inf, nan, pi, radians, sqrt
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import crank_angle, TURN
-from klann_ros.kinematics.arrays import FloatArray, with_short_repr
-from klann_ros.kinematics.batch.poses import linkage_poses
+from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.batch.tables import LegTable, table_of
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage import pose
 from klann_ros.kinematics.linkage.change_points import PARALLEL
@@ -23,12 +22,6 @@ from .mobility import dead_points, DeadPoint, Grashof, rocker_limits, RockerLimi
 
 # Transmission angle limits for large forces (Norton, Design of Machinery).
 MIN_TRANSMISSION_ANGLE, MAX_TRANSMISSION_ANGLE = radians(40.0), radians(140.0)
-COLUMNS = ('theta2', 'theta3', 'theta4', 'alpha', 'beta', 'Z', 'mu', 'T4/T2')
-# A four-bar's lengths may be in any unit, so Z has none.
-UNITS = ('[deg]', '[deg]', '[deg]', '[deg]', '[deg]', '', '[deg]', '[1]')
-DECIMALS = (2, 2, 2, 2, 2, 6, 2, 4)
-# Rows of the printed table; the arrays have all.
-MAX_ROWS = 100
 
 
 class FourBarPose(pose.LinkagePose):
@@ -121,61 +114,6 @@ class TransmissionExtremes(NamedTuple):
     def good(self) -> bool:
         """Return whether the angle stays within 40 .. 140 deg, as good practice has it."""
         return self.least >= MIN_TRANSMISSION_ANGLE and self.greatest <= MAX_TRANSMISSION_ANGLE
-
-
-@with_short_repr
-@dataclass(frozen=True, eq=False)
-class FourBarTable:
-    """
-    The course's quantities at many crank angles; NaN at unreachable ones.
-
-    All arrays have the shape of the given crank angles, and are read-only.
-
-    Attributes
-    ----------
-    theta2 : numpy.ndarray
-        Crank angles as given [rad].
-    theta3, theta4 : numpy.ndarray
-        Angles of coupler and rocker, in (-pi, pi] [rad].
-    alpha, beta : numpy.ndarray
-        The course's angles at O4, as in `FourBarPose` [rad].
-    z : numpy.ndarray
-        The diagonal Z = `|A O4|`, in the unit of the lengths.
-    transmission_angle : numpy.ndarray
-        Between coupler and rocker, in [0, pi] [rad].
-    mechanical_advantage : numpy.ndarray
-        T4 / T2; see `FourBar.mechanical_advantage`.
-
-    """
-
-    theta2: FloatArray
-    theta3: FloatArray
-    theta4: FloatArray
-    alpha: FloatArray
-    beta: FloatArray
-    z: FloatArray
-    transmission_angle: FloatArray
-    mechanical_advantage: FloatArray
-
-    def __str__(self) -> str:
-        """Return a table, angles in deg, Z in the unit of the lengths."""
-        columns = [column.ravel() for column in vars(self).values()]
-        for i, unit in enumerate(UNITS):
-            if unit == '[deg]':
-                columns[i] = np.degrees(columns[i])
-        lines = [_line(COLUMNS), _line(UNITS)]
-        for numbers in np.stack(columns, axis=1)[:MAX_ROWS].tolist():
-            cells = zip(numbers, DECIMALS, strict=True)
-            lines.append(_line([f'{number:.{decimals}f}' for number, decimals in cells]))
-        hidden_count = self.theta2.size - MAX_ROWS
-        if hidden_count > 0:
-            lines.append(f'... and {hidden_count} more')
-        return '\n'.join(lines)
-
-
-def _line(texts: Sequence[str]) -> str:
-    """Return a line of the printed table."""
-    return ''.join(f'{text:>12}' for text in texts)
 
 
 class FourBar(Leg[FourBarPose, FourBarMotion]):
@@ -283,25 +221,13 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         """
         return -super().phi(alpha, x)
 
-    def table(self, theta2: ArrayLike) -> FourBarTable:
+    def table(self, alphas: ArrayLike, crank_rate: float | None = None) -> LegTable:
         """
         Return all of the course's quantities at many crank angles at once; `print` shows it.
 
-        Parameters
-        ----------
-        theta2 : array-like of real numbers
-            Crank angles, of any shape [rad].
-
-        Returns
-        -------
-        FourBarTable
-            theta3, theta4, alpha, beta, Z, transmission angle and mechanical advantage, arrays of
-            that shape; NaN where the crank cannot be.
-
-        Raises
-        ------
-        ValueError
-            `theta2` is no array of real numbers.
+        The columns are theta2, theta3, theta4, alpha, beta, z in the unit of the lengths,
+        transmission_angle and mechanical_advantage; a crank rate adds those of `Leg.table`, whose
+        parameters and errors it has.
 
         Examples
         --------
@@ -311,26 +237,24 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         [75.52, 72.14, 103.58]
 
         """
-        poses: Any = linkage_poses(self._geometry, theta2, angles=True, points=True)
-        crank_angles = np.array(theta2, float)
-        coupler = self._geometry.coupler
-        rocker = self._geometry.rocker
-        theta3, theta4 = np.moveaxis(poses.angles, -1, 0)
-        to_a = poses.points[..., 1, :] - poses.points[..., 3, :]
-        z = np.hypot(to_a[..., 0], to_a[..., 1])
-        columns = (
-            crank_angles,
-            theta3.copy(),
-            theta4.copy(),
-            triangle_angle(z, rocker, coupler),
-            np.arctan2(to_a[..., 1], -to_a[..., 0]) % TURN,
-            z,
-            triangle_angle(coupler, rocker, z),
-            self._advantage(crank_angles, theta3, theta4),
-        )
-        for column in columns:
-            column.setflags(write=False)
-        return FourBarTable(*columns)
+        table = super().table(alphas, crank_rate)
+        geometry = self._geometry
+        x = table['A.x'] - geometry.ground
+        y = table['A.y']
+        z = np.hypot(x, y)
+        columns: dict[str, tuple[FloatArray, str]] = {}
+        for name in self.joint_names:
+            columns[name] = table[name], 'rad'
+        columns['alpha'] = triangle_angle(z, geometry.rocker, geometry.coupler), 'rad'
+        columns['beta'] = np.arctan2(y, -x) % TURN, 'rad'
+        columns['z'] = z, ''
+        columns['transmission_angle'] = triangle_angle(geometry.coupler, geometry.rocker, z), 'rad'
+        advantage = self._advantage(table.theta2, table.theta3, table.theta4)
+        columns['mechanical_advantage'] = advantage, '1'
+        if crank_rate is not None:
+            for (name, numbers), unit in zip(table.columns.items(), table.units, strict=True):
+                columns.setdefault(name, (numbers, unit))
+        return table_of(columns)
 
     def transmission_angle(self, theta2: float) -> float:
         """

@@ -10,10 +10,12 @@ from klann_ros.kinematics import errors, validation
 from klann_ros.kinematics.angles import Arc, crank_angle, MAX_CRANK_ANGLE, TURN
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.results import LinkagePoses
+from klann_ros.kinematics.batch.tables import leg_table, LegTable
 from klann_ros.kinematics.newton import Iterations, newton_raphson
 from klann_ros.kinematics.svg import leg_svg
 from klann_ros.sanitize.text import listed, refusal
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .assemblies import assembly_poses
 from .branch import BRANCH_STEP
@@ -267,6 +269,42 @@ class Leg(Generic[PoseT, MotionT]):
         `[(0, 2 pi)]` for a crank that turns fully: see `klann_ros.kinematics.reachable_arcs`.
         """
         return reachable_arcs(self._linkage)
+
+    def table(self, alphas: ArrayLike, crank_rate: float | None = None) -> LegTable:
+        """
+        Return the quantities of the leg at many crank angles; `print` shows them.
+
+        Parameters
+        ----------
+        alphas : array-like of real numbers
+            Crank angles, of any shape; of a linkage that is back after several turns path angles
+            [rad].
+        crank_rate : float, optional
+            Constant rate of the crank, for rates, accelerations and advantages [rad/s].
+
+        Returns
+        -------
+        LegTable
+            Arrays of that shape, NaN where the crank cannot be: by the names of its bodies all
+            coordinates (`gamma`), of all moving points `H.x` and `H.y`, with a crank rate of each
+            the `gamma_rate` and `gamma_acceleration`, the transmission angles `mu_1`, ..., and the
+            mechanical advantage `gamma_advantage` = T_gamma / T_crank = crank rate / gamma rate,
+            inf where gamma turns back; of what slides its force by the crank's torque.
+
+        Raises
+        ------
+        ValueError
+            `alphas` is no array of real numbers, or the rate not finite.
+
+        Examples
+        --------
+        >>> from klann_ros.kinematics import deg, KlannLeg
+        >>> table = KlannLeg().table([0, 60 * deg], crank_rate=2.0)
+        >>> table.gamma.round(4).tolist(), table['H.x_rate'].round(4).tolist()
+        ([0.0491, 0.186], [-0.0691, -0.3883])
+
+        """
+        return leg_table(self, alphas, crank_rate)
 
     def velocity(self, pose: PoseT, alpha_rate: float) -> MotionT:
         """
