@@ -20,15 +20,25 @@ TABLE_SUFFIXES = ('.csv', '.tsv', '.txt')
 MAX_TABLE_SIZE = 256 * 1024 * 1024
 COMMENTS = ('#', '%', '//')
 MAX_HEADER_LINES = 2
-TIMES = ('time', 't', '__time', 'timestamp')
-FRAMES = ('frame', 'frames', 'frame number', 'frame_number', 'framenumber')
-CRANKS = ('crank', 'crank_angle', 'crank angle')
+# Names of columns, by what they measure.
+ROLES = {
+    'time': ('time', 't', '__time', 'timestamp'),
+    # The stamp of a message.
+    'sec': ('sec', 'secs'),
+    'nanosec': ('nanosec', 'nanosecs', 'nsecs'),
+    'frame': ('frame', 'frames', 'frame number', 'frame_number', 'framenumber'),
+    'crank': ('crank', 'crank_angle', 'crank angle'),
+}
 # Parts of the names of columns that are fields of messages (PlotJuggler).
 MESSAGE_FIELDS = {'point', 'pose', 'position', 'transform', 'translation', 'data'}
-# Factors of the units in a header to SI units.
+# Factors of the units in a header to SI units; pixels have any scale.
 UNIT_FACTORS = {'deg': radians(1.0), '°': radians(1.0), 'mm': 1e-3, 'cm': 1e-2, 'in': 0.0254}
-UNIT_FACTORS |= {'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
-_UNIT = re.compile(r'^(.+?)(?:\s*[\[(]\s*(.+?)\s*[\])]|[ _](deg|ms|mm|cm|rad|px|s|m))$')
+UNIT_FACTORS |= {'min': 60.0, 'ms': 1e-3, 'us': 1e-6, 'µs': 1e-6, 'ns': 1e-9}
+UNIT_FACTORS |= dict.fromkeys(('', 'm', 's', 'sec', 'seconds', 'rad', 'px', 'pixels'), 1.0)
+_UNIT = re.compile(r'^(.+?)(?:\s*[\[(]\s*(.+?)\s*[\])]|[ _](deg|min|ms|mm|cm|rad|px|s|m))$')
+# Hours, minutes, seconds and their decimals (Kinovea).
+_TIME_CODE = re.compile(r'(\d{1,3}):(\d\d):(\d\d)[:.](\d{2,3})')
+_STAMP = re.compile(r'^.*[./_]stamp[./_]')
 _AXIS = re.compile(r'^(.+?)[_./ ]+([xyXY])$')
 
 
@@ -48,6 +58,16 @@ class Column(NamedTuple):
     unit: str
     numbers: FloatArray
 
+    def si_numbers(self, unit: str = '') -> FloatArray:
+        """Return the numbers in SI units; `unit` is that of a header without one."""
+        unit = self.unit or unit
+        if unit not in UNIT_FACTORS:
+            legal = ', '.join(filter(None, UNIT_FACTORS))
+            raise MeasurementError(
+                f'column {printable(self.name)}: {printable(unit)} is no known unit: {legal}'
+            )
+        return self.numbers * UNIT_FACTORS[unit]
+
 
 def load_table(
     path: str, leg: RobotLeg, requests: Sequence[Request], options: TableOptions
@@ -64,7 +84,7 @@ def load_table(
         by_role[role] = _column(path, columns, name)
     requested = {request.name: request.topic for request in requests}
     roles = {role.removesuffix('.x').removesuffix('.y') for role in by_role}
-    roles -= {'', 'time', 'frame', 'crank'}
+    roles -= {'', *ROLES}
     names = [*requested]
     for name in () if requests else sorted(roles):
         with suppress(MeasurementError):
@@ -86,8 +106,7 @@ def load_table(
         numbers = []
         for suffix in ('.x', '.y') if kind == 'point' else ('',):
             column = by_role.get(source + suffix) or _column(path, columns, source + suffix)
-            unit = column.unit or (options.angle_unit if kind == 'angle' else '')
-            numbers.append(column.numbers * UNIT_FACTORS.get(unit, 1.0))
+            numbers.append(column.si_numbers(options.angle_unit if kind == 'angle' else ''))
         title = f'column {printable(source)}'
         quantities.append(Quantity(kind, name, times, np.column_stack(numbers), source=title))
     crank = by_role.get('crank')
@@ -103,16 +122,18 @@ def _times(
 ) -> FloatArray:
     """Return the times of the rows [s], by a column of times or of frames."""
     column = by_role.get('time')
+    if column is None and {'sec', 'nanosec'} <= by_role.keys():
+        return by_role['sec'].numbers + 1e-9 * by_role['nanosec'].numbers
     if options.rate:
         column = column or by_role.get('frame')
         frames: FloatArray = column.numbers if column else np.arange(float(count))
         return frames / options.rate
     if column is None:
         raise MeasurementError(
-            f'{printable(path)} has no column time: name it, as --column time=1, or tell the '
-            f'frames a second with --rate'
+            f'{printable(path)} has no column time: name it, as --column time=1, or sec and '
+            f'nanosec, or tell the frames a second with --rate'
         )
-    return column.numbers * UNIT_FACTORS.get(column.unit, 1.0)
+    return column.si_numbers()
 
 
 def _column(path: str, columns: Sequence[Column], name: str) -> Column:
@@ -131,42 +152,100 @@ def _column(path: str, columns: Sequence[Column], name: str) -> Column:
     )
 
 
+class _Rows(NamedTuple):
+    """The rows of a table, the names of its columns, and the names of tracks by first row."""
+
+    names: list[str]
+    numbers: list[list[float | None]]
+    tracks: dict[int, str]
+
+
 def _columns(path: str, leg: RobotLeg) -> list[Column]:
-    """Return the columns of a table whose header may be missing, of two lines, or a comment."""
-    header: list[list[str]] = []
-    comment: list[str] = []
-    rows: list[list[float]] = []
+    """
+    Return the columns of a table whose header may be missing, of two lines, or a comment.
+
+    Columns of words, such as names of frames, are NaN. Tracks that follow one another, each after
+    a comment with its name (Kinovea), are columns beside one another.
+    """
+    names, rows, tracks = _rows(path)
+    table = np.array(rows, dtype=np.float64)
+    if {name.lower() for name in names[1:]} == {'x', 'y'}:
+        table = _beside(path, np.split(table, [*tracks][1:]))
+        names = [names[0], *(f'{track}.{axis}' for track in tracks.values() for axis in names[1:])]
+    columns = []
+    for n, numbers in enumerate(table.T):
+        role, unit = _role(names[n], leg)
+        columns.append(Column(names[n] or str(n + 1), role, unit, numbers))
+    return columns
+
+
+def _rows(path: str) -> _Rows:
     lines = decoded_text(path, MeasurementError, MAX_TABLE_SIZE).splitlines()
     lines = ['' if line.startswith('sep=') else line for line in lines]
     first = next((line for line in lines if line.strip() and not line.startswith(COMMENTS)), ',')
     delimiter = next((mark for mark in ';\t,' if mark in first), ' ')
     # Between commas a comma may group thousands.
     comma = ',' if delimiter == ',' else '.'
+    header: list[list[str]] = []
+    comments: list[list[str]] = []
+    rows = _Rows([], [], {})
     for n, line in enumerate(lines):
-        cells = _cells(line.lstrip('#%/ ') if line.startswith(COMMENTS) else line, delimiter)
-        if not any(cells):
+        is_comment = line.startswith(COMMENTS)
+        cells = _cells(line.lstrip('#%/ ') if is_comment else line, delimiter)
+        if is_comment or not any(cells):
+            comments += [cells] * any(cells)
             continue
-        if line.startswith(COMMENTS):
-            comment = comment if rows else cells
-            continue
-        try:
-            row = [float(cell.replace(',', comma) or 'nan') for cell in cells]
-            if rows and len(row) != len(rows[0]):
-                raise ValueError(f'{len(row)} cells for {len(rows[0])} columns')  # noqa: TRY301
-            rows.append(row)
-        except ValueError as error:
-            if rows or len(header) == MAX_HEADER_LINES:
-                place = f'{printable(path)}, line {n + 1}'
-                raise MeasurementError(f'{place} is no table of numbers: {error}') from None
+        row = [_number(cell.replace(',', comma)) for cell in cells]
+        is_header = row[cells.index(next(filter(None, cells)))] is None
+        if is_header and not rows.numbers and len(header) < MAX_HEADER_LINES:
             header.append(cells)
-    if not rows:
+            continue
+        problem = 'it begins with a word' if is_header else _row_problem(row, rows.numbers[:1])
+        if problem:
+            place = f'{printable(path)}, line {n + 1}'
+            raise MeasurementError(f'{place} is no table of numbers: {problem}')
+        if not rows.numbers:
+            rows.names.extend(_header_names(header, comments, len(row)))
+        if not rows.numbers or (row[0] or 0.0) < (rows.numbers[-1][0] or 0.0):
+            rows.tracks[len(rows.numbers)] = ' '.join(comments[-1]) if comments else ''
+        rows.numbers.append(row)
+    if not rows.numbers:
         raise MeasurementError(f'{printable(path)} has no column time: it has no numbers')
-    columns = []
-    names = _header_names(header, comment, len(rows[0]))
-    for n, numbers in enumerate(np.array(rows).T):
-        role, unit = _role(names[n], leg)
-        columns.append(Column(names[n] or str(n + 1), role, unit, numbers))
-    return columns
+    return rows
+
+
+def _number(cell: str) -> float | None:
+    """Return the number in a cell, or the seconds of a time code; NaN of none, None of a word."""
+    with suppress(ValueError):
+        return float(cell or 'nan')
+    code = _TIME_CODE.fullmatch(cell)
+    if code is None:
+        return None
+    hours, minutes, seconds, decimals = code.groups()
+    return 3600.0 * int(hours) + 60.0 * int(minutes) + float(f'{seconds}.{decimals}')
+
+
+def _row_problem(row: Sequence[float | None], first_rows: Sequence[Sequence[float | None]]) -> str:
+    """Return why a row is none of the table of the first one; '' if it is one."""
+    for first_row in first_rows:
+        if len(row) != len(first_row):
+            return f'{len(row)} cells for {len(first_row)} columns'
+        for n, (number, first_number) in enumerate(zip(row, first_row, strict=True), start=1):
+            if number is None and first_number is not None:
+                return f'column {n} has a word'
+            if number is not None and first_number is None and not np.isnan(number):
+                return f'column {n} has a number below a word'
+    return ''
+
+
+def _beside(path: str, tracks: Sequence[FloatArray]) -> FloatArray:
+    """Return tracks of the same times as one table, with the columns of times once."""
+    if any(not np.array_equal(track[:, 0], tracks[0][:, 0]) for track in tracks):
+        raise MeasurementError(
+            f'{printable(path)} has {len(tracks)} tracks of different times: export them over '
+            f'the same frames, or one in each file'
+        )
+    return np.hstack([tracks[0], *(track[:, 1:] for track in tracks[1:])])
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
@@ -180,10 +259,12 @@ def _cells(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def _header_names(header: Sequence[list[str]], comment: list[str], count: int) -> list[str]:
+def _header_names(
+    header: Sequence[list[str]], comments: Sequence[list[str]], count: int
+) -> list[str]:
     """Return the names of columns; of two lines the first has points over their x and y."""
     if not header:
-        return comment if len(comment) == count else [''] * count
+        return next((cells for cells in reversed(comments) if len(cells) == count), [''] * count)
     names = [*header[-1], *[''] * count][:count]
     point = ''
     for n, cell in enumerate(header[0][:count] if len(header) > 1 else ()):
@@ -198,8 +279,10 @@ def _role(name: str, leg: RobotLeg) -> tuple[str, str]:
     base = match[1] if match else name
     unit = (match[2] or match[3]).lower() if match else ''
     unit = 'deg' if unit.startswith('deg') else unit
-    for role, words in (('time', TIMES), ('frame', FRAMES), ('crank', CRANKS)):
-        if base.lower() in words or (role == 'crank' and base == leg.linkage.joint_names[0]):
+    if base == leg.linkage.joint_names[0]:
+        return 'crank', unit
+    for role, words in ROLES.items():
+        if _STAMP.sub('', base.lower()) in words:
             return role, unit
     parts = [part for part in base.split('/') if part.lower() not in MESSAGE_FIELDS]
     if len(parts) > 1 and parts[-1] in {leg.crank_joint, 'crank_angle'}:

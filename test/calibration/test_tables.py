@@ -24,7 +24,7 @@ def columns() -> np.ndarray:
 
 
 def text(table: np.ndarray, header: str = ','.join(NAMES), delimiter: str = ',') -> str:
-    rows = [delimiter.join(f'{number:.9f}' for number in row) for row in table.tolist()]
+    rows = [delimiter.join(f'{number:.12f}' for number in row) for row in table.tolist()]
     return '\n'.join([header, *rows] if header else rows)
 
 
@@ -37,6 +37,35 @@ def in_units(**factors: float) -> np.ndarray:
     for name, factor in factors.items():
         table[:, NAMES.index(name.replace('_', '.'))] *= factor
     return table
+
+
+def stamped() -> str:
+    """Return rows as `ros2 topic echo --csv` writes messages with a header: without names."""
+    seconds, fractions = np.divmod(np.round(ROBOT.times * 1e9).astype(int), 10**9)
+    rows = []
+    for sec, nanosec, row in zip(seconds, fractions, columns()[:, 1:].tolist(), strict=True):
+        rows.append(f'{sec},{nanosec},world,{",".join(map(str, row))}')
+    return '\n'.join(rows)
+
+
+def kinovea(times: list[str], *names: str) -> str:
+    """Return tracks as Kinovea's text export has them, one after the other."""
+    lines = ['#Kinovea Trajectory data export', '#T X Y', '']
+    for name in names:
+        lines += [f'# {name}']
+        for time, point in zip(times, ROBOT.seen(name).tolist(), strict=True):
+            lines.append(f'{time} {point[0]:.9f} {point[1]:.9f}')
+        lines += ['', '']
+    return '\n'.join(lines)
+
+
+def time_codes() -> list[str]:
+    """Return the times as hours, minutes, seconds and hundredths."""
+    codes = []
+    for hundredths in np.round(100.0 * ROBOT.times).astype(int).tolist():
+        minutes, rest = divmod(hundredths, 6000)
+        codes.append(f'0:{minutes:02}:{rest // 100:02}:{rest % 100:02}')
+    return codes
 
 
 def frames() -> np.ndarray:
@@ -70,6 +99,12 @@ def load(tmp_path: Path, content: str, options: TableOptions) -> list[MeasuredSe
         (lambda: text(in_units(time=1e9, G_x=1.0 / 0.0254),
                       't [ns],crank,H.x,H.y,G.x [in],G.y'),
          TableOptions()),
+        (lambda: text(in_units(time=1.0 / 60.0), 'time [min],crank,H.x,H.y,G.x,G.y'),
+         TableOptions()),
+        (stamped, TableOptions({'sec': '1', 'nanosec': '2', **{name: str(n + 3) for n, name in
+                                enumerate(NAMES) if name != 'time'}})),
+        (lambda: 'header.stamp.sec,header.stamp.nanosec,header.frame_id,crank,H.x,H.y,G.x,G.y\n'
+         + stamped(), TableOptions()),
         (lambda: text(in_units(crank=DEGREES)), TableOptions(angle_unit='deg')),
         (lambda: text(in_units(crank=DEGREES)), TableOptions()),
         (lambda: text(frames(), 'frame,alpha,H.x,H.y,G.x,G.y'), TableOptions(rate=20.0)),
@@ -104,10 +139,18 @@ def test_degrees_that_are_found_are_reported(tmp_path: Path, capsys: Capture) ->
     assert 'degrees' not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize('header', ['time,B.x,B.y,H.x,H.y', '#multi:\n,B,,H,\nt,x,y,x,y'])
-def test_a_tracked_pin_is_the_crank(tmp_path: Path, capsys: Capture, header: str) -> None:
+@pytest.mark.parametrize(
+    'content',
+    [
+        text(pin_table(), 'time,B.x,B.y,H.x,H.y'),
+        text(pin_table(), '#multi:\n,B,,H,\nt,x,y,x,y'),
+        kinovea(time_codes(), 'B', 'H'),
+        kinovea([f'{time:.6f}' for time in ROBOT.times], 'B', 'H'),
+    ],
+)
+def test_a_tracked_pin_is_the_crank(tmp_path: Path, capsys: Capture, content: str) -> None:
     file = tmp_path / 'run.txt'
-    file.write_text(text(pin_table(), header))
+    file.write_text(content)
     built = tmp_path / 'built.yaml'
     assert main([str(file), '--leg', 'sem104', '-o', str(built)]) == 0
     printed = capsys.readouterr().out
@@ -129,6 +172,15 @@ def test_a_tracked_pin_is_the_crank(tmp_path: Path, capsys: Capture, header: str
         (lambda: text(columns()) + '\n1,2', '', 'is no table of numbers: 2 cells for 6 columns'),
         # 1.234, or one thousand?
         (lambda: text(columns()) + '\n"1,234",2,3,4,5,6', '', 'is no table of numbers'),
+        (lambda: text(columns()) + '\nend,2,3,4,5,6', '', 'line 122 is no table of numbers'),
+        (lambda: stamped() + '\n9,5,7,0.1,2,3,4,5', '', 'column 3 has a number below a word'),
+        (
+            lambda: kinovea(time_codes(), 'B') + kinovea([*time_codes()[1:], '0:01:00:00'], 'H'),
+            '',
+            '2 tracks of different times',
+        ),
+        (lambda: text(columns(), 'time,crank,H.x [ft],H.y,G.x,G.y'), '', 'ft is no known unit'),
+        (lambda: text(columns(), 'time [h],crank,H.x,H.y,G.x,G.y'), '', 'h is no known unit'),
         (lambda: '', '', 'has no column time'),
         (lambda: 'a,b\nc,d\ne,f', '', 'is no table of numbers'),
         (lambda: text(columns(), 'time,crank,H.x,H.y,G.x,G.z'), '', 'has no column G.y'),
