@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         TurnOfForces,
     )
     from .masses import (
+        ASSUMED_DENSITY,
         BodyMass,
         MassBasis,
         MassError,

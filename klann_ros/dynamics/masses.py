@@ -100,6 +100,10 @@ class TorsionSpring:
         return np.angle(second * np.conj(first) * np.exp(-1j * self.rest_angle))
 
 
+# Density of the bars in every file that is shipped or made by `design`: nobody measured it [kg/m].
+ASSUMED_DENSITY = 1.0
+
+
 class MassBasis(Enum):
     """What masses were computed from; the texts take a density [kg/m]."""
 
@@ -139,6 +143,12 @@ class Masses:
         count = len(self.springs) + len(self.torsion_springs)
         springs = f', with {counted(count, "spring")}' if count else ''
         return self.basis.value.format(self.density) + springs
+
+    @property
+    def by_file(self) -> 'Masses':
+        """Return the masses of rods by the density of a file, which may be an assumption."""
+        is_assumed = self.density == ASSUMED_DENSITY
+        return replace(self, basis=MassBasis.ASSUMED_RODS if is_assumed else MassBasis.RODS)
 
     @property
     def total(self) -> float:
@@ -262,7 +272,7 @@ def masses_from_text(
             raise MassError(f'{printable(name)} {both}')
         density = settings['density']
     if density is not None:
-        return replace(with_rods(masses, linkage, density), basis=MassBasis.ASSUMED_RODS)
+        return with_rods(masses, linkage, density).by_file
     if len(missing) == len(bodies):
         return None
     if missing:

@@ -7,7 +7,14 @@ from pathlib import Path
 import re
 from typing import Any
 
-from klann_ros.dynamics import MassBasis, MassError, Masses, masses_from_text, rods, with_foot
+from klann_ros.dynamics import (
+    ASSUMED_DENSITY,
+    MassError,
+    Masses,
+    masses_from_text,
+    rods,
+    with_foot,
+)
 from klann_ros.kinematics import (
     GeometryError,
     is_linkage,
@@ -68,7 +75,7 @@ def robot_of(name: str) -> Robot:
         if name in PRESETS:
             linkage = PRESETS[name]().linkage
             # Masses as in the parameter file of that name.
-            masses = replace(rods(linkage, 1.0), basis=MassBasis.ASSUMED_RODS)
+            masses = rods(linkage, ASSUMED_DENSITY).by_file
             return Robot(name, (RobotLeg('', linkage, masses=masses),), source=name)
         if name in shipped_linkages():
             return robot_from_file(str(SHIPPED / f'{name}.yaml'))
@@ -273,7 +280,7 @@ def _masses(
     density = None
     if 'bar_density' in parameters:
         density = _number(parameters, 'bar_density', 0.0)
-        masses = replace(rods(linkage, density), basis=MassBasis.ASSUMED_RODS)
+        masses = rods(linkage, density).by_file
     if text:
         masses = masses_from_text(text, linkage, file, density=density)
     foot_mass = _number(parameters, 'foot_mass', 0.0)

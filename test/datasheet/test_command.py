@@ -7,6 +7,7 @@ from pathlib import Path
 from change_point_linkages import change_point_file
 from hostile_leg import HOSTILE, LINKAGE
 from klann_ros.datasheet.command import main
+from klann_ros.kinematics import SHIPPED
 import pytest
 
 Capture = pytest.CaptureFixture[str]
@@ -104,18 +105,22 @@ def test_every_report_says_what_the_masses_come_from(tmp_path: Path, capsys: Cap
     page = tmp_path / 'sheet.html'
     sheet = tmp_path / 'sheet.json'
     sizes = []
-    for options, origin, basis in (
-        ([], 'assumed, not measured: rods of 1 kg/m', 'assumed_rods'),
-        (['--bar-density', '0.3'], 'as rods of the given 0.3 kg/m', 'rods'),
+    measured = tmp_path / 'measured.yaml'
+    shipped = (SHIPPED / 'jansen.yaml').read_text()
+    measured.write_text(shipped.replace('density: 1 ', 'density: 0.3 '))
+    for arguments, origin, basis in (
+        (['jansen'], 'assumed, not measured: rods of 1 kg/m', 'assumed_rods'),
+        (['jansen', '--bar-density', '0.3'], 'as rods of the given 0.3 kg/m', 'rods'),
+        ([str(measured)], 'as rods of the given 0.3 kg/m', 'rods'),
     ):
-        assert main(['jansen', *options, '--html', str(page), '--json', str(sheet)]) == 0
+        assert main([*arguments, '--html', str(page), '--json', str(sheet)]) == 0
         assert origin in capsys.readouterr().out
         assert origin in page.read_text()
         (leg,) = json.loads(sheet.read_text())['legs']
         assert leg['mass_basis'] == basis
         assert origin.lower() in leg['mass_origin'].lower()
         sizes.append(leg['mass'])
-    assert sizes[1] == pytest.approx(0.3 * sizes[0])
+    assert sizes == pytest.approx([sizes[0], 0.3 * sizes[0], 0.3 * sizes[0]])
 
 
 @pytest.mark.parametrize('option', ['--html', '--json'])

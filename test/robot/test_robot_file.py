@@ -89,6 +89,7 @@ def test_the_mass_of_a_foot_is_added_to_the_masses_of_a_linkage() -> None:
         ('sem104', MassBasis.ASSUMED_RODS),
         ('jansen', MassBasis.ASSUMED_RODS),
         ('andrews', MassBasis.BODIES),
+        (str(ROOT / 'examples' / 'my_walker' / 'config' / 'desk_walker.yaml'), MassBasis.RODS),
         (str(ROOT / 'config' / 'walker6.yaml'), MassBasis.ASSUMED_RODS),
     ],
 )
