@@ -64,9 +64,21 @@ def areas_from(contents: Iterable[Mapping[str, Any]], metre: float) -> tuple[Are
         corners = np.reshape(content[kinds[0]], (-1, 2)).astype(np.float64) @ (metre, metre * 1j)
         if len({*corners.tolist()}) < len(corners):
             raise RequirementsError(f'forbidden: two points of area {number} are one')
+        if _crosses_itself(corners):
+            raise RequirementsError(
+                f'forbidden: the outline of area {number} crosses itself: order its points around '
+                f'it, or divide it into several areas'
+            )
         is_for_pivots = content.get('for', 'bars') == 'pivots'
         areas.append(Area(corners, metre * content.get('radius', 0.0), is_for_pivots))
     return tuple(areas)
+
+
+def _crosses_itself(corners: Any) -> bool:
+    """Return whether two edges of a polygon cross; edges that share a corner do not."""
+    sides = _side(corners[:, None], corners, np.roll(corners, -1))
+    is_across = sides * np.roll(sides, -1, axis=0) < 0.0
+    return bool((is_across & is_across.T).any())
 
 
 def area_clearance(

@@ -195,17 +195,19 @@ def requirements_from(
     for figure, is_aim in default_aims.items():
         if is_aim and figure not in {aim.figure for aim in aims}:
             aims = (Aim(figure, 'minimize'), *aims)
+    limits = (*limits, *_task_limits(content, poses))
+    load = float(content.get('load', 0.0))
     requirements = Requirements(
         spaces=spaces,
         # Without an aim the best leg is the one farthest from jamming.
         aims=aims or (Aim('transmission_angle', 'maximize'),),
-        limits=tuple(_scaled(limit, spaces) for limit in (*limits, *_task_limits(content, poses))),
+        limits=tuple(_scaled(limit, spaces, load) for limit in limits),
         units=units,
         target=target,
         poses=poses,
         areas=areas,
         rounding=rounding,
-        load=float(content.get('load', 0.0)),
+        load=load,
         speed=units.size('rad/s') * content['speed'] if 'speed' in content else 2.0 * np.pi,
         tolerance=metre * float(content.get('tolerance', 0.0)),
         motor=_motor(content['motor'], folder) if 'motor' in content else None,
@@ -229,15 +231,22 @@ def _task_limits(content: Mapping[str, Any], poses: PoseTarget | None) -> Iterat
         yield Limit('rounding_error', 'at_most', FILE_ERROR)
 
 
-def _scaled(limit: Limit, spaces: Iterable[Space]) -> Limit:
-    """Return a limit; a length of 0 is relative to the longest bar in the middle of the ranges."""
-    if limit.value or FIGURES[limit.figure].unit != 'm':
+def _scaled(limit: Limit, spaces: Iterable[Space], load: float) -> Limit:
+    """
+    Return a limit; one of 0 is relative to a figure of that unit.
+
+    That of lengths is the longest bar in the middle of the ranges, that of torques its product
+    with the load [N].
+    """
+    unit_scales = {'m': 1.0, 'N m': load}
+    unit_scale = unit_scales.get(FIGURES[limit.figure].unit)
+    if limit.value or not unit_scale:
         return limit
     scales = []
     for space in spaces:
         is_length = [dimension.is_length for dimension in space.linkage.structure.dimensions]
         numbers = space.variants(np.full((1, len(space.names)), 0.5)).numbers
-        scales.append(float(numbers[is_length].max()))
+        scales.append(unit_scale * float(numbers[is_length].max()))
     return limit._replace(scale=min(scales))
 
 

@@ -44,6 +44,7 @@ EXAMPLES = sorted((Path(__file__).parents[2] / 'examples' / 'requirements').glob
         ({'linkage': 'sem104', 'path': {'points': [[0, 0], [1, 0], [0, 1]]}}, 'such as klann'),
         ({**LEG, 'walker': {'legs': 5}}, 'must be one of 4, 6, 8'),
         ({**LEG, 'count': 0}, 'must be >= 1'),
+        ({**LEG, 'forbidden': [{'polygon': [[0, 0], [1, 1], [1, 0], [0, 1]]}]}, 'crosses itself'),
         ({'grow': {'dyads': 1}, **MM}, 'grow.crank is missing: the range of its length [mm]'),
         ({'grow': {'dyads': 3}}, '3 must be <= 2'),
         ({'grow': {'dyad': 1}}, 'did you mean dyads?'),
@@ -97,6 +98,16 @@ def test_tied_dimensions_move_together_and_a_scale_moves_all_lengths() -> None:
     assert numbers['E.x'].tolist() == (-numbers['D-C']).tolist()
     assert numbers['A-B'].tolist() == pytest.approx([0.24, 0.06])
     assert numbers['bend of C-G'].tolist() == [space.linkage.dimensions['bend of C-G']] * 2
+
+
+@pytest.mark.parametrize('size', [1e-3, 1.0])
+def test_a_limit_of_zero_is_held_relative_to_size_and_load(size: float) -> None:
+    content = {**LEG, 'scale': [0.9999 * size, 1.0001 * size], 'load': 0.01, 'vary': 0}
+    figures = {'lift': {'at_least': 0}, 'torque_peak': {'at_least': 0}}
+    limits = requirements_from({**content, 'figures': figures}).limits
+    longest = size * 0.7
+    for limit, scale in zip(limits, (longest, 0.01 * longest), strict=True):
+        assert 0.3 * scale < limit.scale < 3.0 * scale
 
 
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:
