@@ -116,6 +116,18 @@ class Bench:
         return self.control.verdict(self.now)
 
 
+def test_a_walker_that_is_inactive_is_not_paused(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 0.95]).run(3.0)
+    bench.control.interlocks.is_active = False
+    bench.run(2.0)
+    assert bench.rates == [0.0, 0.0]
+    bench.control.interlocks.is_active = True
+    bench.run(3.0)
+    assert bench.rates == pytest.approx([0.15 / steering.speed] * 2, 0.1)
+    assert bench.control.loop.pauses == 0
+    assert not bench.control.events
+
+
 def test_motors_five_percent_apart_keep_their_phases(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 0.95]).run(2.0 * pi)
     assert bench.run(12.0).worst < 0.02
