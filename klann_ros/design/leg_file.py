@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from math import pi
 from typing import Any
 
+from klann_ros.dynamics import ASSUMED_DENSITY
 from klann_ros.kinematics import (
     content_with_numbers,
     foot_path,
@@ -19,8 +20,8 @@ from klann_ros.robot import RobotLeg
 from klann_ros.sanitize.yaml_text import dump, parameter_file
 import numpy as np
 
-# Density of the bars of a leg without masses [kg/m], and masses of a walker [kg].
-DEFAULT_BAR_DENSITY, DEFAULT_BODY_MASS, DEFAULT_FOOT_MASS = 0.1, 1.0, 0.005
+# Masses of a walker [kg].
+DEFAULT_BODY_MASS, DEFAULT_FOOT_MASS = 1.0, 0.005
 # Relative to the leg's size: half the width of a body, from plane to plane of the legs, and
 # between the legs at both ends.
 HALF_WIDTH, PLANE_STEP, GAP = 0.2, 0.12, 0.04
@@ -52,7 +53,7 @@ def with_numbers(leg: RobotLeg, linkage: Linkage) -> RobotLeg:
         for body, coordinate in zip(linkage.structure.bodies, linkage.start, strict=True):
             unit = metre if body.slides else radian
             content['start'][body.angle] = round(coordinate / unit, NUMBER_DIGITS)
-    content.setdefault('density', DEFAULT_BAR_DENSITY)
+    content.setdefault('density', ASSUMED_DENSITY)
     content['source'] = f'design, from the {content["name"]}'
     text = dump(content) + '\n'
     return RobotLeg('', linkage_from_text(text, 'the leg'), masses=leg.masses, description=text)
@@ -62,7 +63,7 @@ def leg_text(leg: RobotLeg) -> str:
     """Return the file of a leg: a linkage, or parameters of solver_node."""
     if leg.description:
         return leg.description
-    return parameter_text({'bar_density': DEFAULT_BAR_DENSITY, **_geometry(leg)})
+    return parameter_text({'bar_density': ASSUMED_DENSITY, **_geometry(leg)})
 
 
 def parameter_text(parameters: Mapping[str, Any]) -> str:
@@ -82,9 +83,10 @@ def walker_parameters(leg: RobotLeg, options: Mapping[str, Any]) -> dict[str, An
     """
     Return the parameters of a walker made of one leg, as of solver_node.
 
-    The rear legs are front legs turned by half a turn about the vertical. With six legs the middle
-    ones stand beside the body's middle, with eight there are two legs at each corner, half a turn
-    apart; these are outside of the others.
+    The rear legs are front legs turned by half a turn about the vertical, whose cranks turn the
+    other way; the middle of their stance is that of the front legs of their group. With six legs
+    the middle ones stand beside the body's middle, with eight there are two legs at each corner,
+    half a turn apart; these are outside of the others.
 
     Raises
     ------
@@ -115,10 +117,12 @@ def walker_parameters(leg: RobotLeg, options: Mapping[str, Any]) -> dict[str, An
         for side in ('left', 'right'):
             is_left = side == 'left'
             is_second = left_is_second == is_left
+            # At alpha = phase +- angle both are in the middle of their stance at one angle.
+            group_phase = pi * is_second
+            phase = stance.start + stance.end - group_phase if is_rear else group_phase
             legs[f'{row}_{side}'] = {
                 'crank_joint': f'{side}_crank' if has_two_motors else 'crank',
-                # Of a leg turned by pi, phase pi is the phase 0 of a front leg.
-                'phase': pi * (is_second != is_rear),
+                'phase': phase % (2.0 * pi),
                 'direction': -forward if is_rear else forward,
                 'mount_xyz': [round(x, 6), round(y if is_left else -y, 6), 0.0],
                 'mount_rpy': [pi / 2.0, 0.0, pi * is_rear],
@@ -127,7 +131,7 @@ def walker_parameters(leg: RobotLeg, options: Mapping[str, Any]) -> dict[str, An
     top = float(pivots.max())
     bottom = float(pivots.min())
     body_length = 2.0 * (mount_x + float(np.abs(points[0, 0, 0])))
-    density = options.get('bar_density', None if leg.description else DEFAULT_BAR_DENSITY)
+    density = options.get('bar_density', None if leg.description else ASSUMED_DENSITY)
     body_size = (body_length, 1.5 * HALF_WIDTH * size, max(0.1 * size, top - bottom))
     return {
         'legs': [*legs],

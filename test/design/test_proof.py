@@ -5,11 +5,19 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.design import proof, requirements_from
-from klann_ros.design.leg_file import leg_text
+from klann_ros.design.leg_file import leg_text, parameter_text, walker_parameters
 from klann_ros.design.proof import check_file, FittedCandidate, FoundLeg, ProofError, prove
 from klann_ros.design.requirements import Limit
-from klann_ros.kinematics import length_margins, Linkage, linkage_poses, shipped_linkage
-from klann_ros.robot import RobotLeg
+from klann_ros.gait import walk_figures
+from klann_ros.kinematics import (
+    foot_path,
+    length_margins,
+    Linkage,
+    linkage_poses,
+    LinkageLeg,
+    shipped_linkage,
+)
+from klann_ros.robot import robot_from_text, robot_of, RobotLeg
 import numpy as np
 import pytest
 
@@ -256,6 +264,18 @@ def test_a_walker_is_proven_from_its_file() -> None:
     figures = {'speed': {'at_least': 1.000001 * speed}}
     assert refusal(klann, 'klann', **options, figures=figures).value == pytest.approx(speed)
     proven(klann, 'klann', **options, figures={'speed': {'at_least': speed}})
+
+
+@pytest.mark.parametrize('name', ['jansen', 'ghassaei'])
+def test_the_legs_of_a_group_stand_together(name: str) -> None:
+    stance = foot_path(LinkageLeg(shipped_linkage(name))).stance()
+    (leg,) = robot_of(name).legs
+    for count in (6, 8):
+        text = parameter_text(walker_parameters(leg, {'legs': count}))
+        walk = walk_figures(robot_from_text(text, 'the walker'))
+        assert walk.speed == pytest.approx(abs(stance.speed(1.0)), rel=0.15)
+        # They hardly drag one another.
+        assert walk.slid < 0.11 * stance.ground_covered
 
 
 def test_a_leg_without_a_stance_is_no_walker(monkeypatch: pytest.MonkeyPatch) -> None:
