@@ -188,6 +188,7 @@ const LINKAGE_RULES = record(['name', 'pivots', 'crank', 'foot', 'bodies'], {
   pivots: mapOf(aPoint, 1),
   crank: aName,
   foot: aName,
+  leg: truth,
   density: anAmount,
   springs: listOf(
     record(['from', 'to', 'stiffness'], {
