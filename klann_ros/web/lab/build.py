@@ -42,7 +42,8 @@ LAB_PARTS = Parts(
         *_scripts(SHARED, 'theme drawing'),
         *SOLVER,
         *_scripts(_STATIC_FILES, 'texts dragging link model scene panels turn_chart'),
-        *_scripts(_STATIC_FILES, 'decimal_field numbers newton path_drawing open_practice lab'),
+        *_scripts(_STATIC_FILES, 'courses decimal_field numbers newton path_drawing'),
+        *_scripts(_STATIC_FILES, 'open_practice lab'),
     ),
 )
 

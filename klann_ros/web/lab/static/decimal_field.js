@@ -2,6 +2,8 @@
 /* Numbers that are typed and shown as the page's language writes them. */
 
 const MAX_DECIMAL_LENGTH = 40;
+const NUMBER_AND_UNIT =
+  /^\s*([-+\u2212\u2013]?[\d.,]*(?:e[-+\u2212\u2013]?\d*(?![a-z]))?)\s*(.*?)\s*$/is;
 
 /** Return the number of a typed text; null while it is incomplete, a Refusal if it is none. */
 function decimalOf(text) {
@@ -13,17 +15,59 @@ function decimalOf(text) {
   );
   const number = Number(plain.replace(',', '.'));
   if (!isNumber || plain.length > MAX_DECIMAL_LENGTH || !Number.isFinite(number)) {
-    const key = plain.includes(other) ? 'wrongSeparator' : 'noNumber';
-    throw new Refusal(TEXTS.en[key](printable(plain)), TEXTS.pt[key](printable(plain)));
+    refuseText(plain.includes(other) ? 'wrongSeparator' : 'noNumber', plain);
   }
   return number;
 }
 
-/** A text field with a number, which the arrow keys change by 1, with shift by 10. */
+// Units of a length and of an angle, in the page's.
+const FIELD_UNITS = {
+  mm: { mm: 1, cm: 10, m: 1000, in: 25.4, inch: 25.4, inches: 25.4, '"': 25.4, '″': 25.4 },
+  '°': { '°': 1, deg: 1, degree: 1, degrees: 1, rad: 360 / TAU, radian: 360 / TAU },
+};
+Object.assign(FIELD_UNITS.mm, { pol: 25.4, polegada: 25.4, polegadas: 25.4 });
+Object.assign(FIELD_UNITS['°'], { º: 1, grau: 1, graus: 1, radians: 360 / TAU });
+Object.assign(FIELD_UNITS['°'], { radiano: 360 / TAU, radianos: 360 / TAU });
+
+/**
+ * Return the number [unit] of a typed text, which may have a unit of its own; a Refusal of no number.
+ *
+ * null while it may be the begin of one; `isEnd`: it is all that there is.
+ */
+function quantityOf(text, unit, isEnd = true) {
+  const [, digits, word] = NUMBER_AND_UNIT.exec(text);
+  const number = decimalOf(digits || word);
+  if (number === null && (!text.trim() || (!isEnd && !word))) return null;
+  if (number === null) return refuseText('noNumber', text);
+  if (!word) return number;
+  const units = FIELD_UNITS[unit];
+  const name = word.toLowerCase();
+  if (Object.hasOwn(units, name)) return Number((number * units[name]).toPrecision(15));
+  // It may become one.
+  if (!isEnd) return null;
+  return refuseText(unit === 'mm' ? 'noLength' : 'noAngle', word);
+}
+
+function refuseText(key, text) {
+  throw new Refusal(TEXTS.en[key](printable(text)), TEXTS.pt[key](printable(text)));
+}
+
+/**
+ * A text field with a number, which the arrow keys change by 1, with shift by 10.
+ *
+ * While it is typed, what it says so far holds if it is legal, and else what held before: a refused
+ * entry changes nothing. The reason stands in `reason`, until the next entry.
+ */
 class DecimalField {
-  /** `value()` returns the number to show, `take(number)` takes a typed one as an edit of the lab. */
-  constructor(lab, { id = '', isSigned = true, digits = 8, value, take }) {
-    Object.assign(this, { digits, value });
+  /**
+   * `value()` returns the number to show, `take(number)` takes a typed one as an edit of the lab;
+   * both in the unit, 'mm' or '°'.
+   */
+  constructor(lab, { id = '', unit, isSigned = true, digits = 8, value, take }) {
+    Object.assign(this, { lab, unit, digits, value, take });
+    DecimalField.count = (DecimalField.count || 0) + 1;
+    this.reason = Object.assign(made('p', 'reason'), { id: `reason-${DecimalField.count}` });
+    this.reason.hidden = true;
     // The number pad of some telephones has no minus.
     const inputMode = isSigned ? 'text' : 'decimal';
     this.input = Object.assign(made('input'), {
@@ -34,33 +78,51 @@ class DecimalField {
     });
     this.input.className = 'decimal';
     this.input.maxLength = MAX_DECIMAL_LENGTH;
-    this.input.addEventListener('input', () => {
-      lab.begin();
-      lab.attempt(() => {
-        const number = decimalOf(this.input.value);
-        if (number !== null) take(number);
-      });
-    });
+    this.input.setAttribute('aria-describedby', this.reason.id);
+    this.input.addEventListener('input', () => this.read(false));
     this.input.addEventListener('keydown', (event) => {
       const way = { ArrowUp: 1, ArrowDown: -1 }[event.key];
       if (!way || event.altKey || event.ctrlKey || event.metaKey) return;
       event.preventDefault();
       lab.begin();
       take(Number((value() + way * (event.shiftKey ? 10 : 1)).toPrecision(12)));
+      this.explain(lab.refusal);
       this.show(true);
     });
-    this.input.addEventListener('change', () => this.end(lab));
-    this.input.addEventListener('blur', () => this.end(lab));
+    this.input.addEventListener('change', () => this.end());
+    this.input.addEventListener('blur', () => this.end());
   }
 
-  end(lab) {
-    lab.commit();
+  /** Take what is typed; at the end of the entry an incomplete one is refused. */
+  read(isEnd) {
+    const { lab, input, unit } = this;
+    lab.begin();
+    lab.revert();
+    lab.attempt(() => {
+      const number = quantityOf(input.value, unit, isEnd);
+      this.isIncomplete = number === null;
+      if (number !== null) this.take(number);
+    });
+    this.explain(lab.refusal);
+  }
+
+  explain(refusal) {
+    this.reason.hidden = !refusal;
+    this.reason.textContent = refusal ? refusal.texts[language.now] : '';
+    this.input.setAttribute('aria-invalid', String(Boolean(refusal)));
+  }
+
+  end() {
+    if (this.isIncomplete && this.input.value.trim()) this.read(true);
+    this.isIncomplete = false;
+    this.lab.commit();
     this.show(true);
   }
 
   /** Show the number, but not over what is being typed. */
   show(isForced = false) {
     if (!isForced && document.activeElement === this.input) return;
+    if (!isForced) this.explain(null);
     const text = String(Number(this.value().toPrecision(this.digits)));
     this.input.value = language.now === 'pt' ? text.replace('.', ',') : text;
   }

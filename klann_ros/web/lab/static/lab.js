@@ -233,11 +233,17 @@ function choices() {
   select.value = value;
 }
 
+function nameFoot() {
+  byId('drawing-hint').textContent = say('drawingHint', ofFoot(lab));
+  byId('path-title').textContent = say('path', ofFoot(lab));
+}
+
 function speak(now) {
   language.now = now;
   translate();
   for (const button of document.querySelectorAll('[data-language]'))
     button.setAttribute('aria-pressed', String(button.dataset.language === now));
+  nameFoot();
   choices();
   showChoice();
   statePanel.show();
@@ -312,6 +318,7 @@ function listen() {
 }
 
 lab.on('linkage', () => {
+  nameFoot();
   showChoice();
   showHistory();
   byId('save-parameters').hidden = !lab.isKlann;

@@ -140,6 +140,14 @@ class Lab {
     Object.assign(this, { before: this.snapshot(), isTurned: false });
   }
 
+  /** Undo what has been changed since `begin`. */
+  revert() {
+    this.restore(this.before, this.alpha);
+    if (!this.refusal) return;
+    this.refusal = null;
+    this.tell('pose');
+  }
+
   commit() {
     // What is shown again loses the focus, which ends the edit of a field.
     if (this.isActing) return;

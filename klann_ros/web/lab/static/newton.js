@@ -2,13 +2,6 @@
 /* The textbook's Newton-Raphson from a guess: its iterates in a table, one of them in the drawing. */
 
 const MOST_CORRECTIONS = 50;
-const NEWTON_TOLERANCE = 1e-12;
-// The lecture's example: the crank's angle, then gamma, beta, delta, theta [deg].
-const EXAMPLE = [60, 15, 60, 45, 60];
-// What it prints is rounded in radians, before it is told in degrees.
-const PRINTED = 1e4;
-// The four-bar lecture goes round its loop the other way than the Klann lecture round both of its.
-const OPPOSITE_LOOPS = ['theta2,theta3,theta4'];
 const GREEK = { alpha: 'α', beta: 'β', gamma: 'γ', delta: 'δ', theta: 'θ' };
 
 class NewtonPanel {
@@ -19,13 +12,19 @@ class NewtonPanel {
     lab.on('linkage', () => this.build());
     lab.on('guess', () => this.showGuess());
     for (const event of ['pose', 'numbers']) lab.on(event, () => this.soon());
-    byId('rounded').addEventListener('change', () => this.table());
+    byId('rounded').addEventListener('change', () => this.run());
     byId('iterate').addEventListener('change', () => this.draw(Number(byId('iterate').value)));
     byId('random').addEventListener('click', () => this.guessAtRandom());
     byId('from-pose').addEventListener('click', () =>
       lab.setGuess((lab.pose.x || lab.lastGood.x).slice(1)),
     );
-    byId('lecture').addEventListener('click', () => this.showExample());
+    byId('lecture').addEventListener('click', () => this.showExample('klann'));
+    byId('four-bar-lecture').addEventListener('click', () => this.showExample('four_bar'));
+  }
+
+  /** Return how the lecture of this linkage works, if it is wished and there is one. */
+  get way() {
+    return byId('rounded').checked && this.course ? COURSES[this.course] : NO_COURSE;
   }
 
   get bodies() {
@@ -33,8 +32,11 @@ class NewtonPanel {
   }
 
   build() {
+    this.course = courseOf(this.lab.linkage, this.lab.isKlann);
+    byId('rounded').parentNode.hidden = !this.course;
+    if (this.course) byId('rounded-text').textContent = say(this.course);
     this.fields = this.bodies.map((body, i) => this.field(body, i));
-    byId('guess').replaceChildren(...this.fields.map(({ input }) => input.parentNode));
+    byId('guess').replaceChildren(...this.fields.map(({ input }) => input.parentNode.parentNode));
     this.drawn = 0;
     this.showGuess();
   }
@@ -43,11 +45,14 @@ class NewtonPanel {
     const scale = body.slides ? 1000 : 360 / TAU;
     const field = new DecimalField(this.lab, {
       digits: 7,
+      unit: body.slides ? 'mm' : '°',
       value: () => this.lab.guess[i] * scale,
       take: (shown) => this.lab.setGuess(this.lab.guess.with(i, shown / scale)),
     });
     const label = made('label', '', say('guess', body.name, body.slides ? 'mm' : '°'));
+    const node = made('div');
     label.append(field.input);
+    node.append(label, field.reason);
     return field;
   }
 
@@ -63,13 +68,11 @@ class NewtonPanel {
     );
   }
 
-  showExample() {
+  /** Show a lecture's example: its file starts from the guess at the lecture's crank angle. */
+  showExample(name) {
     this.lab.attempt(() => {
-      this.lab.choose('klann');
-      const [alpha, ...guess] = EXAMPLE.map((angle) => (angle * TAU) / 360);
-      this.lab.turnTo(alpha);
       byId('rounded').checked = true;
-      this.lab.setGuess(guess);
+      this.lab.choose(name);
     });
   }
 
@@ -82,12 +85,22 @@ class NewtonPanel {
   run() {
     clearTimeout(this.waiting);
     const { linkage, alpha, guess } = this.lab;
-    this.found = newtonRaphson(linkage, [alpha, ...guess], MOST_CORRECTIONS, NEWTON_TOLERANCE);
+    const { tolerance, rounding } = this.way;
+    const start = [alpha, ...guess];
+    this.found = newtonRaphson(linkage, start, MOST_CORRECTIONS, tolerance, rounding);
+    byId('slips').hidden = !(this.way === COURSES.fourBar && this.isExample);
     byId('verdict').textContent = this.verdict();
     const options = this.found.x.map((_, k) => new Option(`x${subscript(k + 1)}`, k + 1));
     byId('iterate').replaceChildren(new Option('–', 0), ...options);
     this.table();
     this.draw(Math.min(this.drawn, this.found.x.length));
+  }
+
+  /** Whether these are the lecture's numbers. */
+  get isExample() {
+    const { linkage, read, source, alpha, guess } = this.lab;
+    const isSame = linkage === read.linkage && alpha === read.start;
+    return source === 'four_bar' && isSame && String(guess) === String(read.guess);
   }
 
   verdict() {
@@ -129,20 +142,20 @@ class NewtonPanel {
     first.scope = 'row';
     const cells = x
       .slice(1)
-      .map((value, i) => made('td', '', this.shown(value, this.bodies[i].slides, k > 0)));
+      .map((value, i) => made('td', '', this.shown(value, this.bodies[i].slides, k)));
     const gap = residual === undefined ? '' : inLocale((1000 * residual).toExponential(2));
     row.append(first, ...cells, made('td', '', gap));
     row.addEventListener('click', () => this.draw(k + 1));
     return row;
   }
 
-  shown(value, slides, isIterate) {
+  shown(value, slides, k) {
     if (slides) return decimals(1000 * value, 4);
     if (Math.abs(value) > 1e6) return inLocale(value.toExponential(3));
-    const rounded = byId('rounded').checked;
+    const { printed, digits } = this.way;
     // The guess is nobody's result.
-    const angle = rounded && isIterate ? Math.round(value * PRINTED) / PRINTED : value;
-    return decimals((angle * 360) / TAU, rounded ? 4 : 6);
+    const angle = k ? printed(value) : value;
+    return decimals((angle * 360) / TAU, digits(k));
   }
 
   draw(k) {
@@ -154,11 +167,12 @@ class NewtonPanel {
     this.showStep(Math.max(k, 1) - 1);
   }
 
-  /** Show f and Phi of a step, in the order, signs and units of the lectures. */
+  /** Show f, Phi and the correction of a step, in the order, signs and units of the lectures. */
   showStep(k) {
     const { linkage } = this.lab;
     const { f, phi } = linkage.equations(this.found.x[k]);
-    const sign = OPPOSITE_LOOPS.includes(linkage.structure.angles.join()) ? -1 : 1;
+    // The four-bar course goes round its loop the other way than SEM 104 round both of its.
+    const sign = this.course === 'fourBar' ? -1 : 1;
     const shown = (value) => shownTerm(sign * 1000 * value);
     const slides = this.bodies.some((body) => body.slides);
     const mark = subscript(k + 1);
@@ -167,6 +181,7 @@ class NewtonPanel {
       node.append(made('span', '', label), matrix, made('span', '', unit));
       return node;
     };
+    const { x: solution } = solved(phi, f);
     byId('step').replaceChildren(
       group(`f(x${mark}) =`, matrixOf(f.map((value) => [shown(value)])), 'mm'),
       group(
@@ -175,10 +190,31 @@ class NewtonPanel {
         slides ? 'mm/rad, mm/m' : 'mm',
       ),
     );
+    if (solution)
+      byId('step').append(
+        group(
+          `−Φ${mark}⁻¹ f(x${mark}) =`,
+          matrixOf(solution.map((value, i) => this.correctionTexts(-value, this.bodies[i], k))),
+          '',
+        ),
+      );
     byId('step-title').textContent = say('step', k + 1, subscript(k + 1), subscript(k + 2));
     byId('equations').replaceChildren(
       ...equationTexts(linkage, sign).map((text) => made('li', '', text)),
     );
+  }
+
+  /** Return a correction in rad and degrees, or in mm, with the digits that the lecture keeps. */
+  correctionTexts(value, { slides }, k) {
+    if (slides) return [`${correctionText(1000 * value, 6)} mm`, ''];
+    const { rounding } = this.way;
+    const isRounded = rounding !== UNROUNDED;
+    const digits = isRounded ? digitsOf(CORRECTION_DIGITS, k) : 6;
+    const angle = rounding.correction(value, k);
+    const texts = [angle, (angle * 360) / TAU].map((part, n) =>
+      isRounded ? decimals(part, digits - n) : correctionText(part, digits - n),
+    );
+    return [`${texts[0]} rad`, `${texts[1]}°`];
   }
 
   mark() {
@@ -198,6 +234,11 @@ function shownTerm(value) {
   if (!size) return '0';
   if (size < 5e-7 || size >= 1e7) return inLocale(value.toExponential(2));
   return decimals(value, size < 0.01 ? 6 : 3);
+}
+
+function correctionText(value, digits) {
+  const isSmall = value && Math.abs(value) < 10 ** (2 - digits);
+  return isSmall ? inLocale(value.toExponential(3)) : decimals(value, digits);
 }
 
 function matrixOf(rows) {

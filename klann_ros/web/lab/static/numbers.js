@@ -70,20 +70,21 @@ class NumbersPanel {
 
   row(dimension, n) {
     const isAngle = dimension.kind === 'bend';
-    const scale = isAngle ? 360 / TAU : 1000;
+    const sense = this.lab.isKlann ? senseOf(dimension.name) : 1;
+    const scale = isAngle ? (sense * 360) / TAU : 1000;
     const value = this.lab.numbers[n] * scale;
     const size = this.lab.linkage.size * 1000;
     const node = made('div');
-    const label = made('label', '', dimensionText(dimension.name, this.lab.isKlann));
+    const label = made('label');
     label.htmlFor = `number-${n}`;
     const slider = Object.assign(made('input'), { type: 'range', step: 'any' });
     const isLength = ['length', 'brace'].includes(dimension.kind);
     slider.min = isLength ? 0.3 * value : value - (isAngle ? 90 : size / 2);
     slider.max = isLength ? 1.7 * value : value + (isAngle ? 90 : size / 2);
-    slider.setAttribute('aria-label', label.textContent);
     const take = (shown) => this.lab.setNumber(n, shown / scale);
     const field = new DecimalField(this.lab, {
       id: `number-${n}`,
+      unit: isAngle ? '°' : 'mm',
       isSigned: !isLength,
       value: () => this.lab.numbers[n] * scale,
       take,
@@ -97,13 +98,18 @@ class NumbersPanel {
     });
     slider.addEventListener('change', () => this.lab.commit());
     node.append(label, slider, field.input, made('span', 'quiet', isAngle ? '°' : 'mm'));
-    return { node, slider, field, scale };
+    node.append(field.reason);
+    return { node, slider, field, label, scale, dimension };
   }
 
   show() {
     if (!this.rows) return;
-    this.rows.forEach(({ slider, field, scale }, n) => {
-      const value = this.lab.numbers[n] * scale;
+    const { linkage, isKlann } = this.lab;
+    const parameters = isKlann ? klannParameters(linkage) : {};
+    this.rows.forEach(({ slider, field, label, scale, dimension }, n) => {
+      const value = linkage.numbers[n] * scale;
+      label.textContent = dimensionText(dimension.name, linkage.numbers[n], parameters);
+      slider.setAttribute('aria-label', label.textContent);
       if (document.activeElement !== slider) slider.value = value;
       field.show();
       slider.setAttribute(
@@ -114,8 +120,12 @@ class NumbersPanel {
   }
 }
 
-function dimensionText(name, isKlann) {
-  const own = isKlann && KLANN_NAMES[name] ? ` (${KLANN_NAMES[name]})` : '';
+/** Return what a number is called, also as a parameter; of a leg that is not where its parameters are. */
+function dimensionText(name, number, parameters) {
   const [, kind, what] = /^(bend|direction) of (.*)$/.exec(name) || [null, null, name];
-  return (kind ? say(kind, what) : name) + own;
+  const text = kind ? say(kind, what) : name;
+  if (!Object.hasOwn(parameters, name)) return text;
+  const [word, value] = parameters[name];
+  if (senseOf(name) < 0) return `\u2212${text} (${word})`;
+  return value === number ? `${text} (${word})` : `${text} (${word} = ${lengthText(value)})`;
 }

@@ -52,7 +52,7 @@ class StatePanel {
     byId('turn-text').textContent = arcsText(turn);
     const changes = turn.isTurn ? changeTexts(linkage) : [];
     byId('changes').replaceChildren(...changes.map((text) => made('li', '', text)));
-    const tiles = turn.pieces.some((poses) => poses.length) ? figuresOf(linkage, turn) : [];
+    const tiles = turn.pieces.some((poses) => poses.length) ? figuresOf(this.lab, turn) : [];
     byId('tiles').replaceChildren(
       ...tiles.map(([name, value, where]) => {
         const tile = made('div');
@@ -114,10 +114,20 @@ function arcsText({ isTurn, arcs, linkage }) {
   return say('arcs', texts.join(` ${say('and')} `));
 }
 
-function figuresOf(linkage, turn) {
+/** Return a name of the published point as an owner: of a foot, or of a point of the coupler or not. */
+function ofFoot({ linkage: { structure }, content }) {
+  const { foot } = structure;
+  if (isLeg(structure, content)) return say('ofFoot');
+  const isCoupler = bodiesAt(structure, foot).some((body) => !isGuided(structure, body));
+  return say(isCoupler ? 'ofCoupler' : 'ofPoint', foot);
+}
+
+function figuresOf(lab, turn) {
+  const { linkage, content } = lab;
+  const names = isLeg(linkage.structure, content) ? ['stride', 'lift'] : ['pathWidth', 'pathHeight'];
   const tiles = [
-    [say('stride'), lengthText(turn.x.greatest - turn.x.least), ''],
-    [say('lift'), lengthText(turn.y.greatest - turn.y.least), ''],
+    [say(names[0]), lengthText(turn.x.greatest - turn.x.least), ofFoot(lab)],
+    [say(names[1]), lengthText(turn.y.greatest - turn.y.least), ofFoot(lab)],
     [say('transmission'), ...worstTransmission(turn)],
   ];
   const margin = turn.isTurn ? leastMargin(linkage, turn) : null;

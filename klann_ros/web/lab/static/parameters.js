@@ -55,7 +55,7 @@ function klannLeg(given, klannText) {
     const word = KLANN_NAMES[name];
     if (!word || !(word in given)) return base.linkage.numbers[n];
     aNumber(given[word], word);
-    return word === 'angle_fgh' ? -given[word] : given[word];
+    return senseOf(name) * given[word];
   });
   const signs = 'assembly' in given ? given.assembly : [1, 1];
   listOf(oneOf(1, -1), 2)(signs, 'assembly');
@@ -87,16 +87,28 @@ function isKlannLeg({ structure }, klannText) {
   return drawn(structure) === drawn(klann);
 }
 
-/** Return the text of a parameter file; the leg is moved so that A is above the origin, D beside it. */
-function parametersText(linkage) {
-  const number = Object.fromEntries(
-    linkage.structure.dimensions.map(({ name }, n) => [name, linkage.numbers[n]]),
-  );
+/** Return the parameters of a Klann leg by its numbers' names; A is above the origin, D beside it. */
+function klannParameters({ structure, numbers }) {
+  const number = Object.fromEntries(structure.dimensions.map(({ name }, n) => [name, numbers[n]]));
   const moved = { x: -number['A.x'], y: -number['D.y'] };
-  const lines = Object.entries(KLANN_NAMES).map(([name, word]) => {
-    const value = number[name] + (/^[A-Z]\.[xy]$/.test(name) ? moved[name[2]] : 0);
-    return `    ${word}: ${real(word === 'angle_fgh' ? -value : value)}\n`;
-  });
+  return Object.fromEntries(
+    Object.entries(KLANN_NAMES).map(([name, word]) => {
+      const value = number[name] + (/^[A-Z]\.[xy]$/.test(name) ? moved[name[2]] : 0);
+      return [name, [word, senseOf(name) * value]];
+    }),
+  );
+}
+
+/** Return -1 of the bend that the course, and its parameter, has the other way; 1 of all others. */
+function senseOf(name) {
+  return KLANN_NAMES[name] === 'angle_fgh' ? -1 : 1;
+}
+
+/** Return the text of a parameter file. */
+function parametersText(linkage) {
+  const lines = Object.values(klannParameters(linkage)).map(
+    ([word, value]) => `    ${word}: ${real(value)}\n`,
+  );
   return [
     '# Saved by the lab of klann_ros: ros2 run klann_ros solver_node --ros-args --params-file THIS_FILE\n',
     '/**:\n  ros__parameters:\n',

@@ -27,7 +27,7 @@ function evenly(points, count) {
 function pointsOf(text) {
   const lines = text.split('\n').filter((line) => line.trim());
   return lines.map((line) => {
-    const numbers = line.trim().split(/[;\s]+/).map(decimalOf);
+    const numbers = line.trim().split(/[;\s]+/).map((word) => quantityOf(word, 'mm'));
     refuseUnless(
       numbers.length === 2 && numbers.every((number) => Number.isFinite(number)),
       `${printable(line)} must be two numbers, x and y [mm]`,

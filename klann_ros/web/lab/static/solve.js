@@ -54,12 +54,17 @@ function poseAt(linkage, alpha, signs = null) {
   }
 }
 
+// All digits of corrections and iterates; no f [m] is small enough to end with it alone.
+const UNROUNDED = { correction: (value) => value, iterate: (value) => value, uncertainty: 0 };
+
 /**
  * Return every iterate x_(k+1) = x_k - Phi^-1 f of the textbook's Newton-Raphson, the guess first.
  *
  * `start` is the crank's angle and the guess; the answer is {x, residuals, converged, isSingular}.
+ * `rounding` rounds the corrections and iterates of the step k, as a calculation by hand does, and
+ * ends where every f is below its uncertainty.
  */
-function newtonRaphson(linkage, start, maxIterations, tolerance) {
+function newtonRaphson(linkage, start, maxIterations, tolerance, rounding = UNROUNDED) {
   const x = [start];
   const residuals = [];
   const answer = (converged, isSingular = false) => {
@@ -68,13 +73,18 @@ function newtonRaphson(linkage, start, maxIterations, tolerance) {
   };
   for (let k = 0; k < maxIterations; k += 1) {
     const { f, phi } = linkage.equations(x.at(-1));
-    const { x: correction } = solved(phi, f);
-    if (!correction) return answer(false, true);
+    const { x: solution } = solved(phi, f);
+    if (!solution) return answer(false, true);
     residuals.push(Math.max(...f.map(Math.abs)));
-    const next = x.at(-1).map((value, j) => (j ? value - correction[j - 1] : value));
+    const correction = solution.map((value) => rounding.correction(value, k));
+    const next = x
+      .at(-1)
+      .map((value, j) => (j ? rounding.iterate(value - correction[j - 1], k) : value));
     if (!next.every(Number.isFinite)) return { x, residuals, converged: false, isSingular: true };
     x.push(next);
     if (Math.max(...correction.map(Math.abs)) <= tolerance) return answer(true);
+    const isClosed = ({ f: gaps }) => gaps.every((gap) => Math.abs(gap) < rounding.uncertainty);
+    if (rounding.uncertainty && isClosed(linkage.equations(next))) return answer(true);
   }
   return answer(false);
 }

@@ -189,3 +189,19 @@ function dimensionsOf(structure) {
   });
   return dimensions;
 }
+
+/** Return the bodies that have a point. */
+function bodiesAt({ bodies }, point) {
+  return bodies.filter(({ points }) => points.includes(point));
+}
+
+/** Return whether a body turns about a pivot or slides along the ground. */
+function isGuided({ pivots }, { points, along }) {
+  return along === GROUND || points.some((point) => pivots.includes(point));
+}
+
+/** Return whether the foot is one: of a file that does not say so, if it is not on a guided body. */
+function isLeg(structure, { leg }) {
+  if (leg !== undefined) return leg;
+  return !bodiesAt(structure, structure.foot).some((body) => isGuided(structure, body));
+}

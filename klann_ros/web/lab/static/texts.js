@@ -10,8 +10,8 @@ const TEXTS = {
     open: 'Open a YAML file',
     opened: 'from a file',
     drawing: 'The linkage',
-    drawingHint:
-      'Joints: drag, or arrow keys (with shift ten times as far). Solid: the path of the foot. Orange: an iterate of Newton-Raphson; red: where it, or a dyad, does not close.',
+    drawingHint: (ofFoot) =>
+      `Joints: drag, or arrow keys (with shift ten times as far). Solid: the path ${ofFoot}. Orange: an iterate of Newton-Raphson; red: where it, or a dyad, does not close.`,
     crank: 'Crank angle',
     play: 'Turn',
     pause: 'Stop',
@@ -59,6 +59,11 @@ const TEXTS = {
     to: 'to',
     stride: 'Stride',
     lift: 'Lift',
+    pathWidth: 'Width of the path',
+    pathHeight: 'Height of the path',
+    ofFoot: 'of the foot',
+    ofCoupler: (point) => `of the coupler point ${point}`,
+    ofPoint: (point) => `of the point ${point}`,
     transmission: 'Worst transmission angle',
     margin: 'Least margin',
     at: (angle) => `at ${angle}`,
@@ -78,10 +83,14 @@ const TEXTS = {
     oneAssembly: 'It closes in no assembly at this angle.',
     newton: 'Newton-Raphson from a guess of your own',
     newtonHint: 'x(k+1) = x(k) − Φ⁻¹ f(x(k)), from the textbook’s loop equations f.',
-    lecture: 'The lecture’s example',
+    lecture: 'Example of SEM 104',
+    fourBarLecture: 'Example of the four-bar course',
     random: 'A random guess',
     fromPose: 'From this pose',
-    rounded: 'round to 0.0001 rad, as the lecture prints',
+    sem104: 'as SEM 104 prints: iterates rounded to 0.0001 rad',
+    fourBar: 'as the four-bar course works: corrections rounded to 4, 4, 6, 8 decimals of a radian',
+    slips:
+      'The course slips twice: in x₄ it prints 72.1377 (72.139 − 0.00138 is 72.1376), and in x₅ it subtracts 0.0000049° where 0.00000086 rad is 0.0000493°.',
     guess: (name, unit) => `Guess of ${name} [${unit}]`,
     iterate: 'Iterate drawn',
     iterates: 'Iterates',
@@ -97,7 +106,7 @@ const TEXTS = {
     singular: (count) =>
       `It breaks off after ${count} correction${count === 1 ? '' : 's'}: Φ is singular there.`,
     noRoot: 'At this crank angle there is no root: it closes in no assembly.',
-    path: 'A path for the foot',
+    path: (ofFoot) => `A path ${ofFoot.replace('of', 'for')}`,
     pathHint:
       'Draw a closed path; dashed is the present one. Save the requirements, then: design requirements.yaml. A changed linkage must be saved beside it.',
     pathPoints: 'Points, x y [mm]',
@@ -122,10 +131,11 @@ const TEXTS = {
     tooLong: (size) => `the file has ${size} bytes, more than a million`,
     unreadable: 'the file cannot be read',
     noNumber: (text) => `${text} is not a number`,
+    noLength: (text) => `${text} is no unit of a length: write mm, cm, m or in, or nothing for mm`,
+    noAngle: (text) => `${text} is no unit of an angle: write deg or rad, or nothing for degrees`,
     wrongSeparator: (text) => `${text} is not a number: write a decimal point, as in 12.5`,
     point: (name) => `Point ${name}: the arrow keys move it`,
     side: 'it cannot be dragged through its own bar',
-    foot: 'Foot',
   },
   pt: {
     title: 'Laboratório de mecanismos',
@@ -135,8 +145,8 @@ const TEXTS = {
     open: 'Abrir um arquivo YAML',
     opened: 'de um arquivo',
     drawing: 'O mecanismo',
-    drawingHint:
-      'Juntas: arraste, ou use as setas (com shift, dez vezes mais). Linha cheia: a trajetória do pé. Laranja: uma iteração de Newton-Raphson; vermelho: onde ela, ou uma díade, não fecha.',
+    drawingHint: (ofFoot) =>
+      `Juntas: arraste, ou use as setas (com shift, dez vezes mais). Linha cheia: a trajetória ${ofFoot}. Laranja: uma iteração de Newton-Raphson; vermelho: onde ela, ou uma díade, não fecha.`,
     crank: 'Ângulo da manivela',
     play: 'Girar',
     pause: 'Parar',
@@ -185,6 +195,11 @@ const TEXTS = {
     to: 'a',
     stride: 'Passada',
     lift: 'Elevação',
+    pathWidth: 'Largura da trajetória',
+    pathHeight: 'Altura da trajetória',
+    ofFoot: 'do pé',
+    ofCoupler: (point) => `do ponto ${point} da biela`,
+    ofPoint: (point) => `do ponto ${point}`,
     transmission: 'Pior ângulo de transmissão',
     margin: 'Menor margem',
     at: (angle) => `em ${angle}`,
@@ -204,10 +219,15 @@ const TEXTS = {
     oneAssembly: 'Neste ângulo o mecanismo não fecha em nenhuma montagem.',
     newton: 'Newton-Raphson a partir do seu chute inicial',
     newtonHint: 'x(k+1) = x(k) − Φ⁻¹ f(x(k)), com as equações de fechamento f da aula.',
-    lecture: 'O exemplo da aula',
+    lecture: 'Exemplo de SEM 104',
+    fourBarLecture: 'Exemplo do curso de quatro barras',
     random: 'Um chute aleatório',
     fromPose: 'Desta posição',
-    rounded: 'arredondar a 0,0001 rad, como a aula imprime',
+    sem104: 'como SEM 104 imprime: iterações arredondadas a 0,0001 rad',
+    fourBar:
+      'como o curso de quatro barras calcula: correções arredondadas a 4, 4, 6, 8 casas decimais do radiano',
+    slips:
+      'O curso erra duas vezes: em x₄ imprime 72,1377 (72,139 − 0,00138 é 72,1376), e em x₅ subtrai 0,0000049° onde 0,00000086 rad são 0,0000493°.',
     guess: (name, unit) => `Chute inicial de ${name} [${unit}]`,
     iterate: 'Iteração desenhada',
     iterates: 'Iterações',
@@ -223,7 +243,7 @@ const TEXTS = {
     singular: (count) =>
       `Interrompido após ${count} ${count === 1 ? 'correção' : 'correções'}: ali Φ é singular.`,
     noRoot: 'Neste ângulo da manivela não há raiz: o mecanismo não fecha em nenhuma montagem.',
-    path: 'Uma trajetória para o pé',
+    path: (ofFoot) => `Uma trajetória ${ofFoot.replace('do', 'para o')}`,
     pathHint:
       'Desenhe uma trajetória fechada; tracejada está a atual. Salve os requisitos, depois: design requirements.yaml. Um mecanismo alterado tem de ser salvo ao lado.',
     pathPoints: 'Pontos, x y [mm]',
@@ -248,10 +268,13 @@ const TEXTS = {
     tooLong: (size) => `o arquivo tem ${size} bytes, mais de um milhão`,
     unreadable: 'o arquivo não pode ser lido',
     noNumber: (text) => `${text} não é um número`,
+    noLength: (text) =>
+      `${text} não é uma unidade de comprimento: use mm, cm, m ou in, ou nenhuma para mm`,
+    noAngle: (text) =>
+      `${text} não é uma unidade de ângulo: use graus ou rad, ou nenhuma para graus`,
     wrongSeparator: (text) => `${text} não é um número: use a vírgula decimal, como em 12,5`,
     point: (name) => `Ponto ${name}: as setas o movem`,
     side: 'não pode ser arrastado através da sua própria barra',
-    foot: 'Pé',
   },
 };
 
