@@ -1,4 +1,4 @@
-"""Every number that the courses print comes out of a public call, as `docs/courses.md` says."""
+"""Every number that the courses print comes out of a public call, in both languages."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-PAGE = Path(__file__).resolve().parents[2] / 'docs' / 'courses.md'
-TEXT = PAGE.read_text(encoding='utf-8')
+DOCS = Path(__file__).resolve().parents[2] / 'docs'
+TEXTS = [(DOCS / name).read_text(encoding='utf-8') for name in ('courses.md', 'cursos.md')]
+TEXT = TEXTS[0]
 NUMBER = re.compile(r'-?\d+(?:\.(\d+))?')
 
 
@@ -18,9 +19,9 @@ NAMES: dict[str, Any] = {}
 exec(*re.findall(r'(?ms)^```python\n(.*?)^```', TEXT), NAMES)  # noqa: S102 - our own page
 
 
-def table_cells(columns: int) -> Iterator[list[str]]:
+def table_cells(columns: int, text: str = TEXT) -> Iterator[list[str]]:
     """Yield the cells of the tables with two or three columns; calls may hold what parts cells."""
-    for line in TEXT.splitlines():
+    for line in text.splitlines():
         if line.startswith('|') and '`' in line:
             before, call, after = line.split('`', 2)
             if before.count('|') == 2 and (after.count('|') >= 2) == (columns == 3):
@@ -34,7 +35,7 @@ OTHERS = [*table_cells(2)]
 def test_the_page_has_both_courses() -> None:
     assert len(PRINTED) == 11 + 34
     assert sum(len(NUMBER.findall(printed)) for printed, *_ in PRINTED) == 41 + 75
-    assert len(OTHERS) == 7 + 14
+    assert len(OTHERS) == 7 + 15
 
 
 @pytest.mark.parametrize(
@@ -49,6 +50,12 @@ def test_every_printed_digit_comes_out(printed: str, call: str, note: str) -> No
         else:
             decimals = len(NUMBER.fullmatch(text)[1] or '')
             assert f'{answer:.{decimals}f}' == text
+
+
+def test_both_languages_print_the_same_digits() -> None:
+    portuguese = [(digits.replace(',', '.'), call) for digits, call, _ in table_cells(3, TEXTS[1])]
+    assert portuguese == [(digits, call) for digits, call, _ in PRINTED]
+    assert all('.' not in digits for digits, *_ in table_cells(3, TEXTS[1]))
 
 
 @pytest.mark.parametrize('call', [call for _, call, _ in OTHERS])

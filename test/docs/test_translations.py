@@ -1,14 +1,73 @@
 """Notebooks and tables are those of their one source, and both languages of a page agree."""
 
+import ast
+from collections import Counter
+from collections.abc import Callable, Iterator
 from pathlib import Path
+import re
 import runpy
 
+import pytest
+
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
+TRANSLATIONS = runpy.run_path(str(DOCS / 'translations.py'))
+PAGE_NAMES: dict[str, str] = TRANSLATIONS['PAGE_NAMES']
+PAGES = [names for names in PAGE_NAMES.items() if (DOCS / f'{names[1]}.md').exists()]
+NUMBER = r'(?<![\w.])\d+(?:\.\d+)?'
 
 
 def test_notebooks_and_tables_are_those_of_their_source() -> None:
-    outputs = dict(runpy.run_path(str(DOCS / 'translations.py'))['outputs']())
+    outputs: dict[Path, str] = dict(TRANSLATIONS['outputs']())
     outdated = [path.name for path in outputs if path.read_text('utf-8') != outputs[path]]
     assert outdated == [], 'run python docs/translations.py'
-    written = {path for path in outputs if path.suffix == '.ipynb'}
-    assert written == {*(DOCS.parent / 'examples' / 'notebooks').glob('*.ipynb')}
+    notebooks = {path for path in outputs if path.suffix == '.ipynb'}
+    assert notebooks == {*(DOCS.parent / 'examples' / 'notebooks').glob('*.ipynb')}
+
+
+def code(text: str, _: str) -> Iterator[str]:
+    """Yield the code blocks of a page, those of Python without comments."""
+    for language, source in re.findall(r'(?ms)^```(\w+)\n(.*?)^```', text):
+        yield ast.dump(ast.parse(source)) if language == 'python' else source
+
+
+def headings(text: str, _: str) -> Iterator[str]:
+    """Yield the levels of the headings, with the number of table rows and paragraphs below."""
+    for part in re.split(r'(?m)^(?=#)', re.sub(r'(?ms)^```.*?^```', '', text)):
+        level = re.match('#*', part)
+        assert level
+        yield f'{level[0]} {part.count(chr(10) + "|")} {part.count(chr(10) * 2)}'
+
+
+def words_in_code(text: str, _: str) -> list[str]:
+    return re.findall(r'`([^`]+)`', _prose(text))
+
+
+def links(text: str, _: str) -> Iterator[str]:
+    """Yield the pages and figures that a page refers to, by their English names."""
+    english = {f'{portuguese}.md': f'{name}.md' for name, portuguese in PAGE_NAMES.items()}
+    for target in re.findall(r'\]\(([^)#\s]+)', text):
+        yield english.get(target, target)
+
+
+def numbers(text: str, language: str) -> list[str]:
+    """Return the numbers in the sentences of a page, with decimal points."""
+    sentences = re.sub(r'`[^`]+`|\]\([^)]*\)', '', _prose(text))
+    thousands, point = (',', r'\.') if language == 'en' else (r'\.', ',')
+    sentences = re.sub(rf'(?<=\d){thousands}(?=\d\d\d\b)', '', sentences)
+    return re.findall(NUMBER, re.sub(rf'(?<=\d){point}(?=\d)', '.', sentences))
+
+
+def _prose(text: str) -> str:
+    return re.sub(r'(?ms)^```.*?^```|^<!-- table.*?^<!-- end -->', '', text)
+
+
+@pytest.mark.parametrize('extract', [code, headings, words_in_code, links, numbers])
+@pytest.mark.parametrize('names', PAGES, ids=lambda names: names[0])
+def test_both_languages_of_a_page_have_the_same(
+    names: tuple[str, str], extract: Callable[[str, str], Iterator[str]]
+) -> None:
+    english, portuguese = ((DOCS / f'{name}.md').read_text('utf-8') for name in names)
+    # A sentence has another order in another language.
+    there = Counter(extract(english, 'en'))
+    here = Counter(extract(portuguese, 'pt'))
+    assert there - here == here - there == Counter()

@@ -50,7 +50,7 @@ class LegTable:
         The quantities by name, the crank angle first [rad, m, s]: read-only arrays of the shape of
         the given crank angles.
     units : tuple of str
-        The units of the columns; empty of the lengths of a four-bar, which may be in any unit.
+        The units of the columns; empty of the lengths of a four-bar without a unit.
 
     """
 

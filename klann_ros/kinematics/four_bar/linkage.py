@@ -247,7 +247,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
             columns[name] = table[name], 'rad'
         columns['alpha'] = triangle_angle(z, geometry.rocker, geometry.coupler), 'rad'
         columns['beta'] = np.arctan2(y, -x) % TURN, 'rad'
-        columns['z'] = z, ''
+        columns['z'] = z, geometry.unit
         columns['transmission_angle'] = triangle_angle(geometry.coupler, geometry.rocker, z), 'rad'
         advantage = self._advantage(table.theta2, table.theta3, table.theta4)
         columns['mechanical_advantage'] = advantage, '1'

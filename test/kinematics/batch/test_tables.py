@@ -103,6 +103,8 @@ def test_it_is_printed_in_lines_that_fit() -> None:
     assert firsts == ['alpha', '[deg]', '0.00', '60.00', '120.00']
     assert lines[3].split()[1:5] == ['10.66', '67.33', '34.46', '45.72']
     assert ' -0.00' not in str(FourBar(180, 80, 200, 150).table([0.0, math.pi], 1.0))
+    (heads, _) = FourBar(180, 80, 200, 150, unit='mm').table(0.0).csv().splitlines()
+    assert heads.split(',')[5] == 'Z [mm]'
 
 
 @pytest.mark.parametrize(('decimal', 'delimiter'), [('.', ','), (',', ';')])
