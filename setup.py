@@ -68,6 +68,7 @@ setup(
         f'{NAME}.export': ['static/*'],
         f'{NAME}.exercises': ['exercises.yaml', 'static/*'],
         f'{NAME}.live': ['static/*'],
+        f'{NAME}.sanitize': ['units.yaml'],
         f'{NAME}.datasheet': ['static/*'],
         f'{NAME}.design': ['schema.json', 'static/*'],
         f'{NAME}.web': ['static/*', 'static/js_yaml/*', 'static/uplot/*'],

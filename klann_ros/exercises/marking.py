@@ -2,43 +2,27 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from math import isfinite, nan
+from math import isnan
 import re
 from typing import NamedTuple
-import unicodedata
+
+from klann_ros.sanitize.quantity import folded, MAX_QUANTITY, read_quantity
 
 from .calculation import Answer, data, slip_of
 from .variant import difference, Question, texts, Variant
 
 RIGHT, WRONG, EMPTY, UNREADABLE = 'right', 'wrong', 'empty', 'unreadable'
+DIMENSION = 'dimension'
 # A wrong answer this near (in units of the last digit) was rounded on the way.
 ROUNDING_REACH = 30.0
-# Longest answer [characters].
-MAX_ANSWER = 64
-# Sign, number (a space may stand before three digits), denominator, power of ten, unit.
-NUMBER = re.compile(
-    r'([+-]?) ?((?:\d(?:[\d.,]| (?=\d{3}(?!\d)))*|[.,]\d+)) ?(?:/ ?(\d+) ?)?'
-    r'(?:(?:e|[x*·×] ?10 ?(?:\^|\*\*)?) ?\(?([+-]?\d{1,3})\)?)? ?(.*)',
-    re.ASCII,
-)
-# Thousands in groups, the decimal separator another one.
-GROUPED = re.compile(r'([1-9]\d{0,2}([ .,])\d{3}(?:\2\d{3})*)(?:(?!\2)([.,]\d*))?', re.ASCII)
-# Degrees, minutes and seconds of arc.
-SEXAGESIMAL = re.compile(
-    r"""(\d+) ?[°º] ?([0-5]?\d(?:[.,]\d+)?) ?'(?: ?([0-5]?\d(?:[.,]\d+)?) ?(?:"|''))?""", re.ASCII
-)
-# Minus sign and en dash, typographic quotes and primes.
-TYPED = str.maketrans('\u2212\u2013\u2019\u2032\u201d\u2033', '--\'\'""')
-SUPERSCRIPT = re.compile('10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)')
-EXPONENTS = str.maketrans('⁰¹²³⁴⁵⁶⁷⁸⁹⁻', '0123456789-')
 
 
 class Mark(NamedTuple):
     """
     The mark of an answer as written: 0 to 1 points, and the slip that explains it.
 
-    The slip is 'right', 'wrong', 'empty', 'unreadable', or one such as 'radians'; it is carried
-    where it follows from the same slip in an earlier answer.
+    The slip is 'right', 'wrong', 'empty', 'unreadable', 'dimension', or one such as 'radians'; it
+    is carried where it follows from the same slip in an earlier answer.
     """
 
     question: str
@@ -73,65 +57,32 @@ def read_answer(text: str, question: Question) -> Answer | None:
     """
     Return an answer as a number in the unit asked for, or a word; None where it is neither.
 
-    A decimal comma, grouped thousands, a true minus, a fraction, a power of ten, minutes of arc,
-    and the unit or a convertible one are legal.
+    Numbers and units are those of `read_quantity`; NaN where the unit does not fit.
     """
-    text = SUPERSCRIPT.sub(lambda match: f'10^{match[1].translate(EXPONENTS)}', text)
-    text = ' '.join(text.translate(TYPED).split())
-    if not text or len(text) > MAX_ANSWER:
-        return None
-    if question.choices:
-        return _choice(text, question)
-    match = NUMBER.fullmatch(SEXAGESIMAL.sub(_degrees, text.casefold()))
-    if not match:
-        return None
-    sign, digits, denominator, exponent, unit = match.groups()
-    try:
-        number = float(f'{sign}{_decimal(digits)}e{exponent or 0}') / float(denominator or 1)
-    except (ValueError, ZeroDivisionError):
-        return None
-    number *= _factor(unit, question.unit)
-    return number if isfinite(number) else None
-
-
-def _factor(unit: str, asked: str) -> float:
-    units = data()['marking']
-    spelling = units['spellings'].get(unit, unit).replace('°', 'deg').replace('º', 'deg')
-    unit = ' '.join(spelling.split())
-    return float(units['factors'].get(asked, {}).get(unit, nan)) if unit else 1.0
-
-
-def _degrees(match: re.Match[str]) -> str:
-    """Return degrees, minutes and seconds as decimal degrees."""
-    numbers = [text.replace(',', '.') for text in match.groups(default='0')]
-    whole, minutes, seconds = map(float, numbers)
-    return f'{whole + minutes / 60.0 + seconds / 3600.0} deg'
-
-
-def _decimal(number: str) -> str:
-    """Return a number with a decimal point and without the separators of thousands."""
-    if re.search('[., ].*[., ]| ', number):
-        groups = GROUPED.fullmatch(number)
-        if not groups:
-            raise ValueError(number)
-        number = re.sub('[., ]', '', groups[1]) + (groups[3] or '')
-    return number.replace(',', '.')
+    return _choice(text, question) if question.choices else read_quantity(text, question.unit)
 
 
 def _choice(text: str, question: Question) -> str | None:
-    answer = _plain(text).removeprefix('class ').removeprefix('classe ')
-    words = texts()['choices']
-    for number, choice in enumerate(question.choices, 1):
-        names = {_plain(name) for name in (choice, *words.get(choice, {}).values())}
-        is_number = choice not in words and answer == str(number)
-        if answer in names or is_number:
-            return choice
+    """Return the choice that a text names, with or without words that mean nothing beside it."""
+    marking = data()['marking']
+    answer = _plain(text) if len(text) <= MAX_QUANTITY else ''
+    fillers = marking['fillers'].split()
+    for name in (answer, ' '.join(word for word in answer.split() if word not in fillers)):
+        for choice in question.choices:
+            words = texts()['choices'].get(choice, {}).values()
+            if name in {
+                _plain(str(word)) for word in (choice, *words, *marking['synonyms'][choice])
+            }:
+                return choice
     return None
 
 
 def _plain(text: str) -> str:
-    decomposed = unicodedata.normalize('NFD', text.casefold()).replace('-', ' ')
-    return ''.join(c for c in decomposed if not unicodedata.combining(c))
+    return ' '.join(re.sub("[^a-z0-9']+", ' ', folded(text)).replace("'", '').split())
+
+
+def _is_nan(answer: Answer) -> bool:
+    return isinstance(answer, float) and isnan(answer)
 
 
 def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
@@ -154,14 +105,19 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
     for question in questions:
         name = question.name
         answer = read_answers[name] = read_answer(answers.get(name, ''), question)
-        if answer is not None and not variant.is_right(question, answer):
+        if answer is None or _is_nan(answer):
+            continue
+        if not variant.is_right(question, answer):
             fitting[name] = _fitting(variant, question, answer)
     weights = Counter(mistake for mistakes in fitting.values() for mistake in mistakes)
     marks: list[Mark] = []
     for question in questions:
         text = answers.get(question.name, '').strip()
-        if read_answers[question.name] is None:
+        answer = read_answers[question.name]
+        if answer is None:
             slip = UNREADABLE if text else EMPTY
+        elif _is_nan(answer):
+            slip = DIMENSION
         elif question.name in fitting:
             distances = fitting[question.name]
             # The first of equal ones, in the order of the mistakes.

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from uuid import NAMESPACE_URL, uuid5
 
 from klann_ros import __version__
+from klann_ros.sanitize.quantity import conversion_factor
 from klann_ros.sanitize.yaml_text import parse_file
 from klann_ros.web import element, joined, Markup, table_row
 
@@ -122,9 +123,9 @@ def _marked(question: Question, answers: Sequence[Alternative]) -> str:
         elements.append(_filled(template, **escaped._asdict()))
     if sign := unit_sign(question.unit):
         # Moodle strips spaces from an answer; a multiplier is the number of units in the first.
-        factors = {sign.replace(' ', '').replace('n', 'N'): 1.0}
-        for spelling, factor in data()['marking']['factors'].get(question.unit, {}).items():
-            factors[spelling.replace(' ', '').replace('n', 'N')] = factor
+        factors = {sign: 1.0}
+        for name in data()['marking']['moodle-units'].get(question.unit, '').split():
+            factors[name] = conversion_factor(name, question.unit) or 1.0
         units = [
             _filled('moodle_unit', multiplier=f'{1.0 / factor:.15g}', name=name)
             for name, factor in factors.items()

@@ -130,7 +130,7 @@ def test_prairielearn_generates_and_grades(served: dict[str, Callable[[Any], Non
     served['grade'](data)
     assert data['score'] == 0.5
     assert data['partial_scores']['p_q']['feedback'] == 'right'
-    assert data['partial_scores']['grashof']['feedback'] == 'no number of this unit'
+    assert data['partial_scores']['grashof']['feedback'].startswith('not read: ')
 
 
 def test_a_notebook_tests_itself(variants: list[Variant], tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import zlib
 
 from klann_ros.kinematics import SHIPPED, shipped_linkages
+from klann_ros.sanitize.quantity import unit_table
 from klann_ros.web.markup import element, Markup
 from klann_ros.web.parts import as_script, compact, FRAME, Parts, SHARED, text
 
@@ -33,6 +34,9 @@ SOLVER = (
 )
 """What needs no browser: any linkage, solved as the kinematics does."""
 
+QUANTITY = _scripts(_STATIC_FILES, 'units')
+"""The reader of numbers with units, by the table of units that the page has."""
+
 COMMENT = re.compile(r'^ *#.*\n| +#.*$', re.MULTILINE)
 LAB_PARTS = Parts(
     is_compact=True,
@@ -41,6 +45,7 @@ LAB_PARTS = Parts(
     scripts=(
         *_scripts(SHARED, 'theme drawing'),
         *SOLVER,
+        *QUANTITY,
         *_scripts(_STATIC_FILES, 'texts dragging link model scene panels turn_chart'),
         *_scripts(_STATIC_FILES, 'courses decimal_field numbers newton path_drawing'),
         *_scripts(_STATIC_FILES, 'open_practice lab'),
@@ -51,7 +56,7 @@ PRACTICE = _scripts(
     _STATIC_FILES / 'practice',
     'expression calculation exercise marking notation figure practice',
 )
-"""The practice mode; all but the last three files need no browser."""
+"""The practice mode, behind `QUANTITY`; all but the last three files need no browser."""
 
 
 def lab_page(exercises: Mapping[str, Any]) -> str:
@@ -69,6 +74,7 @@ def lab_page(exercises: Mapping[str, Any]) -> str:
         licence=text(_JS_YAML / 'LICENSE').strip(),
         styles=LAB_PARTS.style_elements(),
         data=element('script', as_script(shipped), id='data', type='application/json'),
+        units=element('script', as_script(unit_table()), id='units', type='application/json'),
         packed=element('script', Markup(_deflated(practice)), id='packed', type='text/plain'),
         scripts=LAB_PARTS.script_elements(),
     )

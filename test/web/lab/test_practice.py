@@ -8,16 +8,20 @@ from typing import Any
 
 from browser import find
 from browser_page import OpenedPage
-from klann_ros.exercises import KINDS, make_variant, mark, Variant
+from klann_ros.exercises import KINDS, make_variant, mark, Question, Variant
 from klann_ros.exercises.lab import lab_data
 from klann_ros.exercises.marking import read_answer
 from klann_ros.exercises.sheet import answer_text
-from klann_ros.web.lab.build import LAB_FILE, PRACTICE
+from klann_ros.sanitize.quantity import unit_table
+from klann_ros.web.lab.build import LAB_FILE, PRACTICE, QUANTITY
 from lab_solver import in_node, NODE
 import pytest
 from yaml_tables import read_table
 
 FILES = read_table(Path(__file__).with_name('files.yaml'))
+TABLES = Path(__file__).parents[2]
+SCRIPTS = (*QUANTITY, *PRACTICE[:4])
+DATA = {**lab_data(), 'unitTable': unit_table()}
 needs_node = pytest.mark.skipif(NODE is None, reason='no node: apt-get install nodejs')
 STUDENTS = ['1', '12345', '00770', 'a-7.b_c']
 # Of a number's size, or of 1 where it is smaller.
@@ -39,9 +43,7 @@ function answer({ data, cases }) {
 
 
 def in_browser(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    exercises: list[dict[str, Any]] = in_node(
-        ANSWERS, {'data': lab_data(), 'cases': cases}, PRACTICE[:4]
-    )
+    exercises: list[dict[str, Any]] = in_node(ANSWERS, {'data': DATA, 'cases': cases}, SCRIPTS)
     return exercises
 
 
@@ -103,15 +105,24 @@ def test_slips_and_points_are_those_of_the_marking() -> None:
 
 @needs_node
 def test_an_answer_is_read_as_python_reads_it() -> None:
-    script = """function answer({ data, texts, question }) {
-      return texts.map((text) => readAnswer(data, text, question));
+    script = """function answer({ data, cases }) {
+      return cases.map(([question, text]) => {
+        const reading = readAnswer(data, text, question);
+        return Number.isNaN(reading) ? 'nan' : reading;
+      });
     }"""
-    question = KINDS['four-bar-position'].questions[1]
-    case = {'data': lab_data(), 'texts': FILES['answers'], 'question': question._asdict()}
-    readings = in_node(script, case, PRACTICE[:4])
-    for text, reading in zip(FILES['answers'], readings, strict=True):
+    words = read_table(TABLES / 'exercises' / 'answers.yaml')['choices']
+    quantities = read_table(TABLES / 'sanitize' / 'quantities.yaml')
+    questions = [q for q in KINDS['grashof'].questions if q.choices]
+    cases = [(question, str(text)) for question in questions for text in words[question.name]]
+    for unit in quantities:
+        cases += [(Question('', unit), str(text)) for row in quantities.values() for text in row]
+    readings = in_node(
+        script, {'data': DATA, 'cases': [(q._asdict(), text) for q, text in cases]}, SCRIPTS
+    )
+    for (question, text), reading in zip(cases, readings, strict=True):
         right = read_answer(text, question)
-        assert reading == (None if right is None else pytest.approx(right, rel=1e-15)), text
+        assert reading == (right if str(right) != 'nan' else 'nan'), (text, question)
 
 
 if find() is None:

@@ -2,6 +2,7 @@
 /* The page: what is chosen, opened, turned and saved. */
 
 const lab = new Lab(JSON.parse(byId('data').textContent));
+const UNITS = JSON.parse(byId('units').textContent);
 const scene = new Scene(byId('scene'), lab);
 const statePanel = new StatePanel(lab);
 const chart = new TurnChart(byId('chart'), lab);

@@ -20,7 +20,7 @@ async function unpackedPractice() {
   const { data, script, style } = await new Response(stream).json();
   document.head.append(Object.assign(made('style'), { textContent: style }));
   document.body.append(Object.assign(made('script'), { text: script }));
-  return new globalThis.Practice(byId('practice'), data);
+  return new globalThis.Practice(byId('practice'), { ...data, unitTable: UNITS });
 }
 
 function isPractising() {
