@@ -18,7 +18,7 @@ function assemblyOrder(structure) {
   refuseUnless(
     !countLoops(structure, [0]),
     `the crank ${crank} holds two pivots and cannot turn`,
-    `a manivela ${crank} une dois pivôs e não pode girar`,
+    `a manivela ${crank} une duas articulações fixas e não pode girar`,
   );
   let placed = [0];
   let free = structure.bodies.map((_, j) => j).slice(1);
@@ -128,7 +128,7 @@ function checkConnected(structure) {
     refuseUnless(
       joined.length,
       `body ${name} is connected to no pivot, not even by other bodies`,
-      `o corpo ${name} não está ligado a nenhum pivô, nem por outros corpos`,
+      `o corpo ${name} não está ligado a nenhuma articulação fixa, nem por outros corpos`,
     );
     for (const j of joined)
       for (const node of [j, ...structure.bodies[j].points]) reached.add(node);

@@ -151,12 +151,12 @@ function checkEnds({ bodies, pivots, points, foot }) {
   refuseUnless(
     pivots.includes(start),
     `the crank starts from ${start}, which is no pivot: these are ${fixed}`,
-    `a manivela começa em ${start}, que não é um pivô: os pivôs são ${fixed}`,
+    `a manivela começa em ${start}, que não é uma articulação fixa: elas são ${fixed}`,
   );
   refuseUnless(
     !pivots.includes(foot),
     `the foot ${foot} is a pivot and does not move`,
-    `o pé ${foot} é um pivô e não se move`,
+    `o pé ${foot} é uma articulação fixa e não se move`,
   );
   refuseUnless(
     points.includes(foot),
