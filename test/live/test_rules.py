@@ -1,5 +1,7 @@
 """The rules of the live page, each without a server: who, what, how often, how long."""
 
+from decimal import Decimal
+from importlib import resources
 from pathlib import Path
 
 from klann_ros.kinematics import KlannGeometry, KlannLeg
@@ -16,6 +18,7 @@ from klann_ros.live.legs import (
 from klann_ros.live.protocol import BURST, Command, parse_message, RATE, RateLimit
 from klann_ros.live.rates import TopicRate
 from klann_ros.log.run_parameters import replayed_solvers, replayed_solvers_json, SolverParameters
+from lab_solver import in_node, NODE
 import numpy as np
 import pytest
 from yaml_tables import read_table
@@ -291,3 +294,43 @@ def test_written_counts_of_recorders_are_summed() -> None:
         ('/d lost', '9' * 50),
     ]
     assert recorded_counts(values) == {'received': 13, 'written': 12, 'lost': 1}
+
+
+# Messages of nodes in SI units, and as the page shows them.
+TOLD = [
+    (
+        'crank angle 2.879793 rad (165.000 deg) cannot be reached',
+        'crank angle 165° cannot be reached',
+    ),
+    ('B and D are 0.0123457 m further apart', 'B and D are 12.3457 mm further apart'),
+    ('the crank turns at 40 rad/s at most', 'the crank turns at 2291.83°/s at most'),
+    ('at most 1 m/s and -3 rad/s', 'at most 1000 mm/s and -171.887°/s'),
+    ('residual 1.5e-17 m', 'residual 1.5e-14 mm'),
+    ('within +-1e+06 rad', 'within +-57295800°'),
+    *[(text, text) for text in ('it must be > 0', '3 messages, 2 m2, 5 m/s², 7 min, 1 rad/s2')],
+]
+CONVERSIONS = """
+function answer({ texts, lengths, angles }) {
+  return {
+    texts: texts.map(inPageUnits),
+    metres: lengths.map((length) => inSiUnit(Number(length), 'm')),
+    shown: lengths.map((length) => inPageUnit(inSiUnit(Number(length), 'm'), 'm')),
+    radians: angles.map((angle) => inSiUnit(angle, 'rad')),
+    degrees: angles.map((angle) => inPageUnit(inSiUnit(angle, 'rad'), 'rad')),
+  };
+}
+"""
+
+
+@pytest.mark.skipif(NODE is None, reason='no node: apt-get install nodejs')
+def test_the_page_tells_millimetres_and_degrees_and_sends_si_units_exactly() -> None:
+    lengths = [f'{n}.{17 * n % 1000:03}' for n in range(1, 3000)] + ['-0.001', '1e6', '0']
+    angles = [0.1 * n for n in range(-3600, 3601)]
+    given = {'texts': [sent for sent, _ in TOLD], 'lengths': lengths, 'angles': angles}
+    space = Path(str(resources.files('klann_ros') / 'live' / 'static' / 'space.js'))
+    told = in_node(CONVERSIONS, given, [space])
+    assert told['texts'] == [shown for _, shown in TOLD]
+    assert told['metres'] == [float(Decimal(length) / 1000) for length in lengths]
+    assert told['shown'] == [*map(float, lengths)]
+    assert told['radians'] == pytest.approx(np.radians(angles), rel=1e-15)
+    assert told['degrees'] == pytest.approx(angles, rel=1e-11)

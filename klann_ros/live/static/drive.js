@@ -82,7 +82,7 @@ class Drive {
         ? `Another page has taken over: it drives ${topic}, this page no longer does.`
         : `Another page drives ${topic}.`;
     }
-    const stopped = this.hasLost && report.reason ? report.reason : this.note;
+    const stopped = this.hasLost && report.reason ? inPageUnits(report.reason) : this.note;
     if (stopped) return `This page drives nothing: ${stopped}.`;
     if (report.elsewhere) return `${report.elsewhere} drives ${topic}.`;
     const names = report.publishers;
@@ -104,7 +104,7 @@ class Drive {
     // Before view_node has answered.
     if (!this.isOwner) this.live.connection.drives = true;
     const answer = await this.live.request(command);
-    this.refusal = answer.done ? '' : answer.message;
+    this.refusal = answer.done ? '' : inPageUnits(answer.message);
   }
 
   release(reason) {
@@ -117,7 +117,7 @@ class Drive {
     if (!this.isMine) return;
     const answer = await this.live.request({ target: this.report.target, ...command });
     if (!this.isMine) return;
-    this.refusal = answer.done ? '' : answer.message;
+    this.refusal = answer.done ? '' : inPageUnits(answer.message);
   }
 }
 
@@ -162,7 +162,8 @@ class CrankDrive extends Drive {
 
   setSpeed(value) {
     this.speed.value = value;
-    byId('speed-text').textContent = `${value.toFixed(1)} rad/s`;
+    byId('speed-text').textContent = `${value}°/s`;
+    this.speed.setAttribute('aria-valuetext', `${value} degrees a second`);
   }
 
   /** Turn to the slider's angle, in the turn where the crank is. */
@@ -177,9 +178,10 @@ class CrankDrive extends Drive {
     this.request({ command: 'turn', value: (alpha - phase) / direction });
   }
 
+  /** Turn at a speed [deg/s]. */
   spin(value) {
     this.setSpeed(value);
-    this.request({ command: 'spin', value: value * this.leg.direction });
+    this.request({ command: 'spin', value: inSiUnit(value, 'rad/s') * this.leg.direction });
   }
 
   /** Let the slider follow the leg, unless it is being moved. */
@@ -234,7 +236,8 @@ class WalkDrive extends Drive {
       button.classList.toggle('down', held.includes(String(button.dataset.walk.split(',').map(Number))));
     }
     const [forward, turn] = this.command();
-    const text = this.isMine ? `Commanded: ${forward.toFixed(2)} m/s, ${turn.toFixed(2)} rad/s` : '';
+    const shown = [forward * 1000, degrees(turn)].map((value) => value.toFixed(0));
+    const text = this.isMine ? `Commanded: ${shown[0]} mm/s, ${shown[1]}°/s` : '';
     if (byId('walk-command').textContent !== text) byId('walk-command').textContent = text;
   }
 

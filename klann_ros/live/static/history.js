@@ -143,9 +143,9 @@ class History {
     this.slides = lines.filter((line) => leg.slides[line.i]).map((line) => ({ ...line, digits: 1 }));
     const place = ['x', 'y'].map((name, i) => ({ name, colour: i, dash: DASHES[i], digits: 1 }));
     this.charts = [
-      new LiveChart(holder, 'Angles', 'deg', this.angles),
+      new LiveChart(holder, 'Angles', '°', this.angles),
       new LiveChart(holder, this.slides.length ? 'Foot and slides' : 'Foot', 'mm', [...place, ...this.slides]),
-      new LiveChart(holder, 'Crank speed', 'rad/s', [{ name: 'rate', colour: 1, dash: [], digits: 2 }]),
+      new LiveChart(holder, 'Crank speed', '°/s', [{ name: 'rate', colour: 1, dash: [], digits: 1 }]),
     ];
     this.last = 0;
   }
@@ -167,12 +167,12 @@ class History {
   }
 }
 
-/** Return the rates of the crank, from the stamps of poses RATE_TIME apart [rad/s]. */
+/** Return the rates of the crank, from the stamps of poses RATE_TIME apart [deg/s]. */
 function rates({ times, poses, stamps }) {
   let j = 0;
   return times.map((time, i) => {
     while (j < i && stamps[i] - stamps[j + 1] >= RATE_TIME) j += 1;
     const passed = stamps[i] - stamps[j];
-    return time - times[j] < 1 && passed > 0 ? (poses[i][0] - poses[j][0]) / passed : null;
+    return time - times[j] < 1 && passed > 0 ? degrees(poses[i][0] - poses[j][0]) / passed : null;
   });
 }

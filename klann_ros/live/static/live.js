@@ -141,7 +141,7 @@ class Live {
     this.views = mounts.length < 2
       ? []
       : Object.keys(VIEWS).map((view) => new WalkerPicture(byId(view), view, mounts, this.ground));
-    if (this.views.length) byId('grid').textContent = String(Number(this.views[0].grid.toPrecision(1)));
+    if (this.views.length) byId('grid').textContent = String(Number((1000 * this.views[0].grid).toPrecision(1)));
     const still = drawable.find((leg) => leg.key === this.shown) || drawable[0];
     this.leg = null;
     if (still) this.choose(still.key);

@@ -32,8 +32,10 @@ function diagnosis(group) {
   const mark = make('span', 'mark', LEVEL_MARK[status.level]);
   mark.setAttribute('role', 'img');
   mark.setAttribute('aria-label', status.level);
-  const own = status.meaning && status.level !== 'ok' ? make('em', '', status.text) : '';
-  const figures = Object.entries(status.figures).map(([key, value]) => `${key} ${value}`);
+  const own = status.meaning && status.level !== 'ok' ? make('em', '', inPageUnits(status.text)) : '';
+  const figures = Object.entries(status.figures).map(([key, value]) =>
+    key === 'residual' ? inPageUnits(`${key} ${value} m`) : `${key} ${value}`,
+  );
   const text = make(
     'div',
     '',
@@ -154,35 +156,43 @@ class LengthFields {
     }
     for (const one of lengths) {
       const input = this.fields.get(one.name);
-      input.dataset.held = shortened(one.value);
-      if (input !== document.activeElement) input.value = shortened(one.value);
+      input.dataset.held = inPageUnit(one.value, one.unit);
+      if (input !== document.activeElement) input.value = input.dataset.held;
     }
   }
 
   field(node, one) {
     const input = make('input', '');
-    Object.assign(input, { type: 'number', step: one.unit === 'm' ? 0.001 : 0.01 });
-    input.value = shortened(one.value);
+    Object.assign(input, { type: 'number', step: 'any' });
+    input.value = inPageUnit(one.value, one.unit);
     input.disabled = !this.live.mayDrive;
-    input.addEventListener('change', () => this.set(node, one.name, input));
+    input.addEventListener('change', () => this.set(node, one, input));
     this.fields.set(one.name, input);
-    return make('label', '', `${one.name.split('.').pop()} [${one.unit}]`, input);
+    return make('label', '', `${one.name.split('.').pop()} [${PAGE_UNITS[one.unit][0]}]`, input);
   }
 
-  async set(node, name, input) {
-    const value = Number(input.value);
-    const answer = await this.live.request({ command: 'set', target: node, values: { [name]: value } });
+  async set(node, { name, unit }, input) {
+    // An unfinished number is empty.
+    const isNumber = Number.isFinite(input.valueAsNumber);
+    const value = inSiUnit(input.valueAsNumber, unit);
+    const answer = isNumber
+      ? await this.live.request({ command: 'set', target: node, values: { [name]: value } })
+      : { done: false, message: 'a number is missing' };
     input.classList.toggle('refused', !answer.done);
     input.setAttribute('aria-invalid', String(!answer.done));
     this.state.classList.toggle('bad', !answer.done);
+    const shown = isNumber ? `${name} = ${quantityText(inPageUnit(value, unit), unit)}: ` : `${name}: `;
     this.state.textContent = answer.done
-      ? `${name} is ${value} now.`
-      : `Refused, and nothing is changed: ${answer.message}`;
+      ? `${name} is ${quantityText(inPageUnit(value, unit), unit)} now.`
+      : `Refused, and nothing is changed: ${shown}${inPageUnits(withoutNumber(answer.message, name))}`;
     if (!answer.done) input.value = input.dataset.held;
   }
 }
 
-/** Return a number with readable digits. */
-function shortened(value) {
-  return Number(value.toPrecision(7));
+/** Return a refusal without its begin "NAME = NUMBER is refused: ", whose number is in SI units. */
+function withoutNumber(message, name) {
+  const begin = `${name.split('.').pop()} = `;
+  const end = ' is refused: ';
+  const at = message.indexOf(end);
+  return message.startsWith(begin) && at > 0 ? message.slice(at + end.length) : message;
 }

@@ -39,7 +39,8 @@ class Ground {
   get text() {
     if (!this.place) return 'No odometry: the ground stands still.';
     const [x, y, yaw] = this.place;
-    return `Odometry: x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, heading ${degrees(yaw).toFixed(0)}°`;
+    const [left, forward] = [y, x].map((value) => (1000 * value).toFixed(0));
+    return `Odometry: x ${forward} mm, y ${left} mm, heading ${degrees(yaw).toFixed(0)}°`;
   }
 }
 

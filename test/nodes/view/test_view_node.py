@@ -1,6 +1,7 @@
 """The live page in a real browser with a real solver: it shows the leg, and drives on request."""
 
 from collections.abc import Callable, Iterator
+import math
 import socket
 from typing import Any
 
@@ -109,7 +110,7 @@ def test_the_page_drives_on_request_and_stops_when_closed(moving: Live) -> None:
         return lambda: bool(page.evaluate(expression))
 
     def set_speed() -> None:
-        page.locator('#speed').fill('6', timeout=MAX_WAIT)
+        page.locator('#speed').fill('345', timeout=MAX_WAIT)
 
     moving.press('#take')
     moving.drive(lambda: None, has_begun)
@@ -174,21 +175,26 @@ def test_a_silent_page_loses_its_drive(moving: Live) -> None:
 
 
 def test_lengths_are_set_or_refused_with_the_reason(moving: Live) -> None:
-    field = moving.page.get_by_label('l_ab [m]')
-    field.fill('5')
+    field = moving.page.get_by_label('l_ab [mm]')
+    field.fill('5000')
     field.blur()
     moving.until("document.getElementById('lengths-state').textContent.startsWith('Refused')")
     assert 'no crank angle' in moving.text('#lengths-state')
-    assert field.input_value() == '0.12'
-    foot_field = moving.page.get_by_label('l_gh [m]')
-    for length in ('0.45', '0.43'):
-        foot_field.fill(length)
-        foot_field.blur()
-        moving.until(f"document.getElementById('lengths-state').textContent.includes('{length}')")
+    assert field.input_value() == '120'
+    fields = (('l_gh [mm]', '450.7'), ('l_gh [mm]', '430'), ('angle_fgh [°]', '35'))
+    for label, number in (*fields, ('x_d [mm]', '')):
+        shown_field = moving.page.get_by_label(label)
+        shown_field.fill(number)
+        shown_field.blur()
+        told = number or 'a number is missing'
+        moving.until(f"document.getElementById('lengths-state').textContent.includes('{told}')")
+        assert 'l_ab' not in moving.text('#lengths-state')
+    names = ['l_ab', 'l_gh', 'x_d', 'angle_fgh']
     response = moving.ros.probe.call(
-        GetParameters, '/solver_node/get_parameters', GetParameters.Request(names=['l_ab', 'l_gh'])
+        GetParameters, '/solver_node/get_parameters', GetParameters.Request(names=names)
     )
-    assert [value.double_value for value in response.values] == [0.12, 0.43]
+    values = [value.double_value for value in response.values]
+    assert values == [0.12, 0.43, 0.35, math.radians(35.0)]
     # What is drawn is of the lengths that are.
     moving.until('live.leg.solver.lengths.find((one) => one.name === "l_gh").value === 0.43')
     assert moving.errors == []
@@ -315,7 +321,7 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
         message.pose.pose.position.x, message.pose.pose.orientation.w = x, 1.0
         odometry.publish(message)
         crank.publish(Float64(data=0.0))
-        return f'x {x:.2f} m' in moving.text('#odometry')
+        return f'x {1000 * x:.0f} mm' in moving.text('#odometry')
 
     probe.until(lambda: is_at(0.0))
     first_grounds = moving.page.evaluate(grounds)
