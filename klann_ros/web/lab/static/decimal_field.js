@@ -20,15 +20,6 @@ function decimalOf(text) {
   return number;
 }
 
-// Units of a length and of an angle, in the page's.
-const FIELD_UNITS = {
-  mm: { mm: 1, cm: 10, m: 1000, in: 25.4, inch: 25.4, inches: 25.4, '"': 25.4, '″': 25.4 },
-  '°': { '°': 1, deg: 1, degree: 1, degrees: 1, rad: 360 / TAU, radian: 360 / TAU },
-};
-Object.assign(FIELD_UNITS.mm, { pol: 25.4, polegada: 25.4, polegadas: 25.4 });
-Object.assign(FIELD_UNITS['°'], { º: 1, grau: 1, graus: 1, radians: 360 / TAU });
-Object.assign(FIELD_UNITS['°'], { radiano: 360 / TAU, radianos: 360 / TAU });
-
 /**
  * Return the number [unit] of a typed text, which may have a unit of its own; a Refusal of no number.
  *
@@ -40,9 +31,8 @@ function quantityOf(text, unit, isEnd = true) {
   if (number === null && (!text.trim() || (!isEnd && !word))) return null;
   if (number === null) return refuseText('noNumber', text);
   if (!word) return number;
-  const units = FIELD_UNITS[unit];
-  const name = word.toLowerCase();
-  if (Object.hasOwn(units, name)) return Number((number * units[name]).toPrecision(15));
+  const factor = conversionFactor(UNITS, word, unit);
+  if (factor) return Number((number * factor).toPrecision(15));
   // It may become one.
   if (!isEnd) return null;
   return refuseText(unit === 'mm' ? 'noLength' : 'noAngle', word);
