@@ -24,6 +24,15 @@ def test_notebooks_and_tables_are_those_of_their_source() -> None:
     assert notebooks == {*(DOCS.parent / 'examples' / 'notebooks').glob('*.ipynb')}
 
 
+def test_every_table_is_in_both_languages_of_a_page() -> None:
+    tables: dict[str, str] = TRANSLATIONS['tables']()
+    pages = [path.read_text('utf-8') for path in DOCS.glob('*.md')]
+    used = Counter(name for page in pages for name, _ in TRANSLATIONS['TABLE'].findall(page))
+    assert used == dict.fromkeys(tables, 2)
+    for path, text in TRANSLATIONS['outputs']():
+        assert not {*'«»'} & {*text}, path
+
+
 def code(text: str, _: str) -> Iterator[str]:
     """Yield the code blocks of a page, those of Python without comments."""
     for language, source in re.findall(r'(?ms)^```(\w+)\n(.*?)^```', text):
