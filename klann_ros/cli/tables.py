@@ -1,15 +1,21 @@
 """Tables as text (CSV), as spreadsheets of any locale write them."""
 
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 import csv
 from io import StringIO, TextIOWrapper
+import re
 from typing import BinaryIO, NamedTuple
+import unicodedata
 
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import listed, printable
 
 DELIMITERS = ',;\t'
+# Names of columns, and how their headings are spelt.
+Spellings = Mapping[str, Sequence[str]]
+# Lines that may stand above the headings, and the length of these [characters]; columns at most.
+MAX_TITLE_LINES, MAX_HEADING_LINE, MAX_COLUMNS = 20, 100_000, 2000
 # First bytes of .xlsx and .ods.
 WORKBOOK = b'PK\x03\x04'
 # The last four are the first in the full width of Chinese and Japanese.
@@ -24,57 +30,121 @@ class TableRow(NamedTuple):
     cells: dict[str, str]
 
 
-def read_table(
-    path: str, columns: Sequence[str], error_type: type[Exception], max_size: int
-) -> list[TableRow]:
+class Table(NamedTuple):
     """
-    Return the rows of a table with these columns and any others, without empty ones.
+    The rows of a table, without empty ones, and the names of its columns.
 
-    The names of these columns may be in capitals. The encoding, the delimiter and quotes are those
-    of any spreadsheet. A short row lacks its last columns. An error of `error_type` in one line
-    means that the file cannot be read, is longer than `max_size` bytes, is no table, or has not
-    these columns, once each.
+    `headings` are the headings in the file of those columns that have spellings.
+    """
+
+    rows: list[TableRow]
+    names: list[str]
+    headings: dict[str, str]
+
+
+def read_table(
+    path: str,
+    spellings: Spellings,
+    required: Sequence[str],
+    error_type: type[Exception],
+    max_size: int,
+) -> Table:
+    """
+    Return a table with the required columns and any others.
+
+    The heading of a column is the first of its spellings that the table has, in capitals or not,
+    with or without accents and signs; one with a leading ~ may be a part of a longer heading.
+    Lines above the headings are left out. The encoding, the delimiter and quotes are those of any
+    spreadsheet. A short row lacks its last columns. An error of `error_type` in one line means
+    that the file cannot be read, is longer than `max_size` bytes, is no table, or has not these
+    columns, once each.
     """
     file = printable(path)
     text = decoded_text(path, error_type, max_size)
-    if text.startswith('sep='):
-        # The line by which spreadsheets give the separator.
-        text = text.partition('\n')[2]
-    head = text.partition('\n')[0]
-    delimiter = max(DELIMITERS, key=head.count)
-    reader = csv.reader(StringIO(text, newline=''), delimiter=delimiter, strict=True)
+    lines = StringIO(text, newline='').readlines()
+    start, delimiter = _heading_line(lines, spellings, required)
+    reader = csv.reader(lines[slice(start, None)], delimiter=delimiter, strict=True)
     try:
-        names = [_column_name(cell, columns) for cell in next(reader, ())]
-        missing = [name for name in columns if name not in names]
+        heads = [cell.strip() for cell in next(reader, ())]
+        if len(heads) > MAX_COLUMNS:
+            raise error_type(f'{file} has {len(heads)} columns: at most {MAX_COLUMNS} are read')
+        columns = _columns(heads, spellings)
+        missing = [name for name in required if name not in columns]
         if missing:
+            usual = ', '.join(spelling.strip('~') for spelling in spellings[missing[0]][:3])
             raise error_type(
-                f'{file} has no column {listed(missing)}: its first line must have '
-                f'{", ".join(columns)}'
+                f'{file} has no column {listed(missing)}, such as {usual}; its columns are '
+                f'{listed(heads, 8)}'
             )
-        repeated = [name for name in columns if names.count(name) > 1]
-        if repeated:
-            raise error_type(f'{file} has the column {listed(repeated)} twice')
+        for column in columns.values():
+            if [*map(plain, heads)].count(plain(heads[column])) > 1:
+                raise error_type(f'{file} has the column {printable(heads[column])} twice')
+        names = heads.copy()
+        for name, column in columns.items():
+            names[column] = name
         rows = []
         for cells in reader:
             if not any(map(str.strip, cells)):
                 continue
-            place = f'{file}, line {reader.line_num}'
+            line = start + reader.line_num
+            place = f'{file}, line {line}'
             if any(map(str.strip, cells[slice(len(names), None)])):
                 raise error_type(
                     f'{place}: {len(cells)} cells for {len(names)} columns; put a number with a '
                     'comma in quotes'
                 )
             by_name = dict(zip(names, map(_without_quote, cells), strict=False))
-            rows.append(TableRow(place, reader.line_num, by_name))
+            rows.append(TableRow(place, line, by_name))
     except csv.Error as error:
-        raise error_type(f'{file}, line {reader.line_num}: {error}') from error
-    return rows
+        raise error_type(f'{file}, line {start + reader.line_num}: {error}') from error
+    return Table(rows, names, {name: heads[column] for name, column in columns.items()})
 
 
-def write_table(rows: Iterable[Iterable[object]], file: BinaryIO, encoding: str = 'utf-8') -> None:
+def plain(text: str) -> str:
+    """Return a text in small letters and digits, without accents, signs and repeated blanks."""
+    decomposed = unicodedata.normalize('NFKD', text)
+    letters = ''.join(c for c in decomposed if not unicodedata.combining(c)).casefold()
+    return ' '.join(re.findall(r'[^\W_]+', letters))
+
+
+def _heading_line(
+    lines: Sequence[str], spellings: Spellings, required: Sequence[str]
+) -> tuple[int, str]:
+    """Return the line and the delimiter with which most columns are recognised."""
+    ranks = {}
+    for start, line in enumerate(lines[:MAX_TITLE_LINES]):
+        for delimiter in DELIMITERS:
+            heads = next(
+                csv.reader([line[:MAX_HEADING_LINE].replace('\0', '')], delimiter=delimiter), []
+            )
+            columns = _columns(heads, spellings)
+            ranks[start, delimiter] = ({*required} <= {*columns}, len(columns), len(heads))
+    return max(ranks, key=lambda place: ranks[place], default=(0, DELIMITERS[0]))
+
+
+def _columns(heads: Sequence[str], spellings: Spellings) -> dict[str, int]:
+    """Return the column of each name; a heading stands for one name."""
+    plain_heads = [f' {plain(head)} ' for head in heads]
+    columns: dict[str, int] = {}
+    for name, spelt_headings in spellings.items():
+        for spelling in spelt_headings:
+            text = f' {plain(spelling)} '
+            for column, head in enumerate(plain_heads):
+                is_match = text in head if spelling.startswith('~') else text == head
+                if is_match and name not in columns and column not in columns.values():
+                    columns[name] = column
+    return columns
+
+
+def write_table(
+    rows: Iterable[Iterable[object]],
+    file: BinaryIO,
+    encoding: str = 'utf-8',
+    delimiter: str = ',',
+) -> None:
     """Write rows to an open file, which stays open."""
     text = TextIOWrapper(file, encoding=encoding, errors='replace', newline='')
-    csv.writer(text, lineterminator='\n').writerows(rows)
+    csv.writer(text, delimiter=delimiter, lineterminator='\n').writerows(rows)
     text.flush()
     text.detach()
 
@@ -84,14 +154,10 @@ def harmless(cell: str) -> str:
     return f"'{cell}" if cell.startswith(_FORMULA_STARTS) else cell
 
 
-def _column_name(cell: str, columns: Sequence[str]) -> str:
-    """Return the name in a cell of the first line; a known one may be in capitals."""
-    name = cell.strip()
-    return name.casefold() if name.casefold() in columns else name
-
-
 def _without_quote(cell: str) -> str:
-    """Return a cell without the quote of `harmless`."""
+    """Return a cell without the quote of `harmless`, or the ="..." that keeps leading zeros."""
+    if cell.startswith('="') and cell.endswith('"'):
+        return cell[2:-1]
     return cell[1:] if cell.startswith("'") and cell[1:].startswith(_FORMULA_STARTS) else cell
 
 

@@ -1,15 +1,17 @@
 """`exercise`: exercises of both courses for a class, their keys, and the marking of answers."""
 
 import argparse
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
+import os
 from pathlib import Path
-import re
-from typing import Any, BinaryIO
+from secrets import token_hex
+from typing import Any
 
 from klann_ros.cli import (
     ArgumentParser,
-    harmless,
+    COUNT,
     NOT_READ,
     NOT_WRITTEN,
     Output,
@@ -17,20 +19,39 @@ from klann_ros.cli import (
     output_files,
     OutputError,
     path,
-    read_table,
     save_all,
-    TableRow,
-    write_table,
+    UsageError,
 )
-from klann_ros.sanitize.text import counted, listed, MAX_LINE_LENGTH, printable
+from klann_ros.sanitize.text import listed, printable
 from klann_ros.web import print_page, PrintError
 
+from .gradebook import (
+    Answers,
+    assignment_content,
+    ASSIGNMENT_FILE,
+    check_same,
+    class_summary,
+    has_answers,
+    load_assignment,
+    make_secret,
+    read_secret,
+    read_students,
+    read_tasks,
+    reasons_of,
+    save_gradebook,
+    save_marks,
+    save_template,
+    summary,
+    task_points,
+    with_secret,
+)
 from .kinds import KINDS
-from .marking import mark, Marks, statistics
 from .platforms import Files, moodle, notebooks, prairielearn
-from .sheet import answer_text, key, sheets, unit_sign, with_unit
-from .variant import ExerciseError, Kind, LANGUAGES, look_up, make_variant, texts, unit_of, Variant
+from .sheet import answer_text, Assignment, key, sheets, unit_sign, with_unit
+from .variant import ExerciseError, LANGUAGES, look_up, make_variant, texts, unit_of, Variant
 
+# File of a folder for the answers.
+ANSWERS_FILE = 'answers.csv'
 ROWS_REFUSED = 1
 CODES_OF_ERRORS = {ExerciseError: NOT_READ, PrintError: NOT_WRITTEN}
 CLASS_PURPOSE = """\
@@ -50,38 +71,81 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _list(options: argparse.Namespace) -> int:
     words = texts()['kinds']
+    language = options.language or LANGUAGES[0]
     width = max(map(len, KINDS))
     for name in KINDS:
-        print(f'{name:{width}}  {words[name][options.language]["title"]}')
+        print(f'{name:{width}}  {words[name][language]["title"]}')
     return 0
 
 
 def _make(options: argparse.Namespace) -> int:
-    """Write the variants of a class, and the table for its answers; return the exit code."""
-    kind = look_up(options.kind, KINDS, 'kind')
-    students = read_students(options.students)
-    variants = [make_variant(kind, *student) for student in students.items()]
-    files = FORMATS[options.format](variants, options.language)
+    """Write the sheets of a class, and the table for its answers; return the exit code."""
+    _check_platform(options)
     folder = Path(options.output)
+    students, notes = read_students(options.students, dict(options.column))
+    is_new_secret = bool(options.secret) and not os.path.lexists(options.secret)
+    secret = token_hex(16) if is_new_secret else read_secret(options.secret)
+    secret_file = os.path.relpath(options.secret, folder) if secret else ''
+    language = options.language or LANGUAGES[0]
+    layout = (language, options.title, options.room)
+    points = read_tasks(options.kind)
+    assignment = Assignment(points, students, *layout, secret, secret_file)
+    files = _files(assignment, options)
     places = [Output('-o', str(folder / name)) for name in files]
-    template = Output('-o', str(folder / f'{kind.name}_answers.csv'))
+    template = Output('-o', str(folder / ANSWERS_FILE))
     for place in (*places, template):
         with output_errors('-o', options.output):
             _check_parents(Path(place.path).relative_to(folder), folder)
             Path(place.path).parent.mkdir(parents=True, exist_ok=True)
-        place.check([options.students])
+        place.check([options.students, *filter(None, [options.secret])])
     is_filled = has_answers(template.path)
+    if is_filled:
+        check_same(assignment, folder)
+    if is_new_secret:
+        with output_errors('--secret', options.secret):
+            make_secret(options.secret, secret)
+        notes.append(f'made {printable(options.secret)}: keep it, marking needs it')
     for place, content in zip(places, files.values(), strict=True):
         place.write(content)
     if not is_filled:
-        template.save(partial(save_template, kind, students))
-    print(f'{counted(len(students), "variant")} of {kind.name} in {printable(folder)}:')
+        template.save(partial(save_template, assignment, options.wide))
+    print('\n'.join([*notes, f'{summary(assignment)}; in {printable(folder)}:']))
     print('\n'.join(f'  {name}' for name in [*files][:10]))
     if len(files) > 10:
         print(f'  ... and {len(files) - 10} more')
     note = 'kept: it has answers' if is_filled else 'to be filled in for exercise mark'
-    print(f'  {kind.name}_answers.csv  ({note})')
+    print(f'  {ANSWERS_FILE}  ({note})')
     return 0
+
+
+def _files(assignment: Assignment, options: argparse.Namespace) -> Files:
+    """Return the files of a format, and the one that remembers the assignment."""
+    students = assignment.variants()
+    files: Files = {}
+    if platform := PLATFORMS.get(options.format):
+        for variants in zip(*students, strict=True):
+            files |= platform(variants, assignment.language)
+    else:
+        answer_key = key(assignment, students, has_steps=options.steps)
+        for name, page in (('sheets', sheets(assignment, students)), ('key', answer_key)):
+            files[f'{name}.{options.format}'] = PAGES[options.format](page.encode())
+    return {**files, ASSIGNMENT_FILE: assignment_content(assignment)}
+
+
+def _check_platform(options: argparse.Namespace) -> None:
+    """Raise a UsageError for options that are for paper, or need a secret on a platform."""
+    if options.format in PAGES:
+        return
+    is_used = {
+        'points': any(':' in kind for kind in options.kind),
+        '--title': options.title,
+        '--room': options.room,
+        '--steps': options.steps,
+        '--secret': options.secret and options.format != 'moodle',
+    }
+    refused = listed(option for option in is_used if is_used[option])
+    if refused:
+        raise UsageError(f'--format {options.format} takes no {refused}: html and pdf do')
 
 
 def _check_parents(name: Path, folder: Path) -> None:
@@ -93,30 +157,36 @@ def _check_parents(name: Path, folder: Path) -> None:
 
 def _mark(options: argparse.Namespace) -> int:
     """Print the marks and the statistics of a class; return the exit code."""
-    files = output_files(options, ('csv',), (options.answers,))
-    class_marks, refused = mark_answers(options.answers, KINDS)
-    for (student, kind), marks in class_marks.items():
-        points = sum(answer_mark.points for answer_mark in marks)
-        print(f'{printable(student)}  {kind}  {points:g} of {len(marks)}')
-        for answer_mark in marks:
-            if answer_mark.points < 1.0:
-                answer = printable(answer_mark.given, 40) or '-'
-                reason = answer_mark.reason(options.language)
-                print(f'    {answer_mark.question} = {answer}: {answer_mark.points:g}, {reason}')
-    for kind, counts in statistics(class_marks).items():
-        students = counted(int(counts.pop('students')), 'student')
-        share = 100.0 * counts.pop('part')
-        slips = ', '.join(f'{slip} {count:g}' for slip, count in counts.items())
-        print(f'{kind}: {students}, {share:.0f} %; {slips}')
-    for line in refused:
-        print(f'refused: {line}')
-    save_all(files, {'--csv': partial(save_marks, class_marks, options.language)})
-    return ROWS_REFUSED if refused else 0
+    folder = Path(options.folder or Path(options.answers).parent)
+    remembered = load_assignment(folder)
+    if options.folder and remembered is None:
+        raise ExerciseError(f'{printable(folder)} has no {ASSIGNMENT_FILE} of exercise make')
+    inputs = (options.answers, str(folder / ASSIGNMENT_FILE))
+    files = output_files(options, ('csv', 'gradebook'), inputs)
+    assignment = with_secret(remembered or Assignment(), folder, options.secret)
+    assignment = replace(assignment, language=options.language or assignment.language)
+    if remembered:
+        print(f'{printable(inputs[1])}: {summary(assignment)}')
+    answers = Answers(options.answers, assignment, dict(options.column))
+    class_marks = answers.marks()
+    for note in answers.notes:
+        print(f'note: {note}')
+    for (student, kind), points in task_points(class_marks, assignment).items():
+        print(f'{printable(student)}  {kind}  {points:g} of {assignment.points_of(kind):g}')
+        for reason in reasons_of(class_marks[student, kind], assignment.language):
+            print(f'    {reason}')
+    refusals = [f'refused: {line}' for line in answers.refused]
+    print('\n'.join([*class_summary(class_marks, assignment), *refusals]))
+    savers = {'--csv': save_marks, '--gradebook': save_gradebook}
+    save_all(files, {name: partial(savers[name], class_marks, assignment) for name in savers})
+    return ROWS_REFUSED if refusals else 0
 
 
 def _key(options: argparse.Namespace) -> int:
-    variant = make_variant(look_up(options.kind, KINDS, 'kind'), options.student)
-    language = options.language
+    secret = read_secret(options.secret)
+    kind = look_up(options.kind, KINDS, 'kind')
+    variant = make_variant(kind, options.student, secret=secret)
+    language = options.language or LANGUAGES[0]
     for name, number in variant.givens.items():
         print(f'{name} = {with_unit(number, unit_of(name), language)}')
     print()
@@ -129,26 +199,20 @@ def _key(options: argparse.Namespace) -> int:
     return 0
 
 
-def _html(variants: Sequence[Variant], language: str) -> Files:
-    pages = {'': sheets, '_key': key}
-    return {
-        f'{variants[0].kind.name}{name}.html': page(variants, language).encode()
-        for name, page in pages.items()
-    }
-
-
-def _pdf(variants: Sequence[Variant], language: str) -> Files:
-    pages = _html(variants, language)
-    return {name.replace('.html', '.pdf'): print_page(page) for name, page in pages.items()}
-
-
-FORMATS: dict[str, Format] = {
-    'html': _html,
-    'pdf': _pdf,
+PAGES: dict[str, Callable[[bytes], bytes]] = {'html': bytes, 'pdf': print_page}
+PLATFORMS: dict[str, Format] = {
     'moodle': moodle,
     'prairielearn': prairielearn,
     'notebook': notebooks,
 }
+
+
+def _heading(text: str) -> tuple[str, str]:
+    """Return the column and the heading of `COLUMN=HEADING`."""
+    column, sign, heading = text.partition('=')
+    if not (sign and heading.strip()):
+        raise argparse.ArgumentTypeError(f'{printable(text)} must be such as student=Codigo')
+    return column, heading
 
 
 def _parser() -> ArgumentParser:
@@ -161,153 +225,51 @@ def _parser() -> ArgumentParser:
         )
         added.set_defaults(command=run)
         added.add_argument(
-            '--language', choices=LANGUAGES, default='en', help='of the texts (default: en)'
+            '--language', choices=LANGUAGES, help='of the texts (default: en; mark: as made)'
         )
         return added.add_argument
 
+    def add_columns() -> None:
+        column = 'the heading of a column, such as student=Codigo; may be repeated'
+        add(
+            '--column',
+            metavar='COLUMN=HEADING',
+            type=_heading,
+            action='append',
+            default=[],
+            help=column,
+        )
+
+    def add_secret(text: str) -> None:
+        add('--secret', metavar='FILE', type=path, help=text)
+
     command('list', _list, 'List the kinds of exercises')
-    add = command('make', _make, 'Make the exercises of a class')
-    add('--kind', metavar='KIND', required=True, help='see exercise list')
-    students = 'the class: a column student, and optional name'
+    add = command('make', _make, 'Make the sheets of a class')
+    kind = 'a task, see exercise list, and its points (default: 1 a question); may be repeated'
+    add('--kind', metavar='KIND[:POINTS]', action='append', required=True, help=kind)
+    students = 'the class, as universities export it: a student number, and optional names'
     add('--students', metavar='FILE.csv', type=path, required=True, help=students)
-    add('--format', choices=[*FORMATS], default='html', help='(default: html)')
+    add_columns()
+    add('--format', choices=[*PAGES, *PLATFORMS], default='html', help='(default: html)')
+    add('--title', default='', help='of the sheets')
+    add('--room', metavar='LINES', type=COUNT, default=0, help='ruled lines a task, on paper only')
+    add('--steps', action='store_true', help='the steps of every student after the key')
+    add('--wide', action='store_true', help='a row a student in the table for answers')
+    add_secret(
+        'a text, made if there is none: without it no one can compute a sheet or a key from a '
+        'student number'
+    )
     add('-o', '--output', metavar='FOLDER', type=path, required=True, help='for the files')
     add = command('mark', _mark, 'Mark the answers of a class')
-    answers = 'columns student, kind, question, answer'
+    answers = 'a row an answer (student, kind, question, answer), or a column a question'
     add('answers', metavar='ANSWERS.csv', type=path, help=answers)
+    add_columns()
+    add('--folder', type=path, help='of exercise make (default: that of ANSWERS.csv)')
+    add_secret('the secret of make, if it is no longer where it was')
     add('--csv', metavar='OUT', help='the marks with their reasons, a row an answer')
+    add('--gradebook', metavar='OUT', help='the points of each task, a row a student')
     add = command('key', _key, "Print a student's key with all steps")
     add('--kind', metavar='KIND', required=True, help='see exercise list')
     add('--student', metavar='ID', required=True, help='the student number')
+    add_secret('the secret of make')
     return parser
-
-
-# Largest table [bytes], and students of one.
-MAX_TABLE, MAX_STUDENTS = 20_000_000, 5000
-ANSWER_COLUMNS = ('student', 'kind', 'question', 'answer')
-MARK_COLUMNS = (*ANSWER_COLUMNS, 'points', 'reason')
-# A long student number as a spreadsheet writes it.
-SCIENTIFIC = re.compile(r'\d(?:[.,]\d+)?[Ee]\+?\d+')
-
-
-def read_students(path: str) -> dict[str, str]:
-    """
-    Return the names of a class by student number: the columns name, if any, and student.
-
-    Raises
-    ------
-    ExerciseError
-        The file cannot be read, is no such table, has a student twice, or a row without one.
-
-    """
-    names: dict[str, str] = {}
-    repeated = []
-    for place, _, cells in _rows(path, 'student'):
-        number = _number(cells, place)
-        if number in names:
-            repeated.append(number)
-        columns = [column for column in cells if column.casefold() == 'name']
-        names[number] = printable(cells[columns[0]].strip()) if columns else ''
-    if not 0 < len(names) <= MAX_STUDENTS:
-        raise ExerciseError(
-            f'{printable(path)} has {len(names)} students: 1 to {MAX_STUDENTS} are possible'
-        )
-    if repeated:
-        raise ExerciseError(f'{printable(path)} has students twice: {listed(repeated, 5)}')
-    return names
-
-
-def _rows(path: str, *columns: str) -> list[TableRow]:
-    """Return the rows of a table; a short one ends with empty cells."""
-    rows = read_table(path, columns, ExerciseError, MAX_TABLE)
-    return [row._replace(cells=dict.fromkeys(columns, '') | row.cells) for row in rows]
-
-
-def _number(cells: Mapping[str, str], place: str) -> str:
-    """Return the student number of a row."""
-    number = cells['student'].strip()
-    if not number:
-        raise ExerciseError(f'{place}: no student number')
-    if SCIENTIFIC.fullmatch(number):
-        raise ExerciseError(
-            f'{place}: student {number} is a number that a spreadsheet has rounded; give the '
-            'column the format text'
-        )
-    return number
-
-
-def has_answers(path: str) -> bool:
-    """Return whether a file is a table of answers with one at least; errors as `mark_answers`."""
-    table = _rows(path, *ANSWER_COLUMNS) if Path(path).is_file() else ()
-    return any(row.cells['answer'].strip() for row in table)
-
-
-def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[Marks, list[str]]:
-    """
-    Return the marks of a table of answers, and the rows that are refused, with their reasons.
-
-    Raises
-    ------
-    ExerciseError
-        The file cannot be read, or is no table of answers.
-
-    """
-    answers: dict[tuple[str, str], dict[str, str]] = {}
-    refused = []
-    for _, line, cells in _rows(path, *ANSWER_COLUMNS):
-        kind = cells['kind'].strip()
-        question = cells['question'].strip()
-        try:
-            student = _number(cells, f'line {line}')
-            questions = look_up(kind, kinds, f'line {line}: kind').questions
-            names = {question.name for question in questions}
-            look_up(question, dict.fromkeys(names), f'line {line}: question of {kind}')
-        except ExerciseError as error:
-            refused.append(str(error))
-            continue
-        if question in answers.setdefault((student, kind), {}):
-            refused.append(f'line {line}: {printable(student)} answers {question} twice')
-        else:
-            answers[student, kind][question] = cells['answer']
-    if not answers and not refused:
-        raise ExerciseError(f'{printable(path)} has no answers')
-    class_marks = {}
-    for (student, kind), student_answers in answers.items():
-        try:
-            variant = make_variant(kinds[kind], student)
-            class_marks[student, kind] = mark(variant, student_answers)
-        except ExerciseError as error:  # noqa: PERF203, RUF100 - of each student
-            refused.append(str(error))
-    return class_marks, refused
-
-
-def save_template(kind: Kind, students: Iterable[str], file: BinaryIO) -> None:
-    """Write an empty table of answers."""
-    lines = []
-    for student in students:
-        lines += [(student, kind.name, question.name, '') for question in kind.questions]
-    _save(ANSWER_COLUMNS, lines, file)
-
-
-def save_marks(class_marks: Marks, language: str, file: BinaryIO) -> None:
-    """Write the marks, a row an answer."""
-    lines = []
-    for (student, kind), marks in class_marks.items():
-        for answer_mark in marks:
-            answer = (student, kind, answer_mark.question, answer_mark.given)
-            points = f'{answer_mark.points:g}'
-            lines.append((*answer, points, answer_mark.reason(language)))
-    _save(MARK_COLUMNS, lines, file)
-
-
-def _save(heads: Sequence[str], lines: Iterable[Sequence[str]], file: BinaryIO) -> None:
-    cells = [list(map(_cell, line)) for line in lines]
-    # With the mark by which spreadsheets know UTF-8.
-    write_table((heads, *cells), file, encoding='utf-8-sig')
-
-
-def _cell(text: str) -> str:
-    """Return a cell without control characters; a number with a sign is no formula."""
-    if re.fullmatch(r'[+-]?\d+(?:[.,]\d+)?', text, re.ASCII):
-        return text
-    return harmless(printable(text, MAX_LINE_LENGTH))

@@ -1,18 +1,26 @@
 """Exercises as printable pages: sheets of a class, their key, and the parts of every format."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
 from math import floor, log10
 from pathlib import Path
 import re
+from typing import Any
 
 from klann_ros.kinematics import pose_svg
-from klann_ros.web import element, joined, Markup, Parts, table_row
+from klann_ros.sanitize.yaml_text import parse_file
+from klann_ros.web import element, joined, Markup, Parts, scrolling_table, table_row
 import numpy as np
 
 from .calculation import Answer, data, figure_of
-from .variant import Question, texts, unit_of, Variant
+from .kinds import KINDS
+from .variant import make_variant, Question, texts, unit_of, Variant
 
-SHEET_PARTS = Parts(styles=(Path(__file__).parent / 'static' / 'sheet.css',), scripts=())
+STATIC = Path(__file__).parent / 'static'
+SHEET_PARTS = Parts(styles=(STATIC / 'sheet.css',), scripts=())
+# Columns of a table of the key, on paper across.
+MAX_KEY_COLUMNS = 18
 SUBSCRIPT = re.compile(r'_(\([^)]*\)|[A-Za-z0-9α-ω]+(?:,[A-Za-z0-9]+)*)')
 SINE = re.compile(r'\b(a?)sin\b')
 SUBSCRIPTS = str.maketrans('1234', '₁₂₃₄')
@@ -20,46 +28,132 @@ SUBSCRIPTS = str.maketrans('1234', '₁₂₃₄')
 GIVEN_ROWS, ROUNDING = 9, 1e-9
 
 
-def sheets(variants: Sequence[Variant], language: str) -> str:
+@cache
+def class_texts() -> dict[str, Any]:
+    """Return the headings of class tables, and the words of sheets and gradebooks."""
+    content: dict[str, Any] = parse_file(STATIC / 'class_tables.yaml')
+    return content
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """
+    The tasks of a class: points by kind in their order, names by student number, the title.
+
+    Without points any kind has a point a question; without students any student is marked. The
+    secret's path is relative to the folder of the sheets; `room` is in ruled lines a task.
+    """
+
+    points: Mapping[str, float] = field(default_factory=dict)
+    students: Mapping[str, str] = field(default_factory=dict)
+    language: str = 'en'
+    title: str = ''
+    room: int = 0
+    secret: str = ''
+    secret_file: str = ''
+
+    def variant(self, kind: str, student: str) -> Variant:
+        """Return the task of a student; errors as `make_variant`."""
+        return make_variant(KINDS[kind], student, self.students.get(student, ''), self.secret)
+
+    def variants(self) -> list[list[Variant]]:
+        """Return the tasks of each student."""
+        return [[self.variant(kind, student) for kind in self.points] for student in self.students]
+
+    def points_of(self, kind: str) -> float:
+        """Return the points of a task."""
+        return self.points.get(kind, float(len(KINDS[kind].questions)))
+
+    def word(self, name: str, *numbers: float) -> str:
+        """Return words of the class's tables and sheets, with numbers filled in."""
+        template: str = class_texts()['texts'][name][self.language]
+        return template.format(*[localised(f'{number:.4g}', self.language) for number in numbers])
+
+    def points_text(self, points: float) -> str:
+        """Return points with their noun."""
+        is_single = points == 1.0 or (self.language == 'pt' and points < 2.0)
+        return self.word('point' if is_single else 'points', points)
+
+
+def sheets(assignment: Assignment, students: Iterable[Sequence[Variant]]) -> str:
     """Return the page of all sheets, one printed page or more a student."""
-    heading = element('h3', texts()['sheet']['asked'][language])
-    contents = [
-        (problem(variant, language), heading, _answers(variant, language)) for variant in variants
-    ]
-    return _page(_title(variants[0], language), variants, language, contents)
-
-
-def key(variants: Sequence[Variant], language: str) -> str:
-    """Return the page of all worked solutions."""
     words = texts()['sheet']
-    heading = element('h3', words['solution'][language])
-    contents = []
-    for variant in variants:
-        answers = _answers(variant, language, solved=True)
-        contents.append((answers, heading, _steps(variant, language)))
-    return _page(words['key'][language], variants, language, contents)
-
-
-def _title(variant: Variant, language: str) -> str:
-    return str(texts()['kinds'][variant.kind.name][language]['title'])
-
-
-def _page(
-    title: str, variants: Sequence[Variant], language: str, contents: Iterable[Iterable[Markup]]
-) -> str:
-    """Return a page with a section for each student."""
+    language = assignment.language
+    title = assignment.title or assignment.word('title')
+    note = element('p', rich(words['degrees'][language]), class_='note')
+    points = assignment.points_text(sum(assignment.points.values()))
+    total = element('span', f'{assignment.word("total")}: ____ / {points}')
+    asked_heading = element('h3', words['asked'][language])
+    lines = element('div', *[element('div')] * assignment.room, class_='room')
     sections = []
-    for variant, content in zip(variants, contents, strict=True):
-        student = variant.student
-        if variant.name not in ('', student):
-            student = f'{variant.name} ({student})'
-        line = f'{texts()["sheet"]["student"][language]}: {student}'
-        heading = element('h1', _title(variant, language)), element('p', line, class_='student')
-        sections.append(element('section', *heading, *content))
+    for variants in students:
+        student = element('span', f'{words["student"][language]}: {_student(variants[0])}')
+        content = [element('h1', title), element('p', student, total, class_='student'), note]
+        for number, variant in enumerate(variants, 1):
+            task = problem(variant, language, has_note=False)
+            answers = _answers(variant, language)
+            heading = _task_heading(assignment, number, variant)
+            content += [heading, task, asked_heading, answers, lines]
+        sections.append(element('section', *content))
     return SHEET_PARTS.page(title, *sections, language=language)
 
 
-def problem(variant: Variant, language: str) -> Markup:
+def key(assignment: Assignment, students: Sequence[Sequence[Variant]], *, has_steps: bool) -> str:
+    """Return the page of all answers, a row a student; all steps come after it, if asked for."""
+    words = texts()['sheet']
+    language = assignment.language
+    title = f'{words["key"][language]}: {assignment.title or assignment.word("title")}'
+    sections = []
+    for tasks in _table_tasks(students[0]):
+        content = [element('h1', title)]
+        heads = [words['student'][language]]
+        rows = [[_student(variants[0])] for variants in students]
+        for task in tasks:
+            content.append(_task_heading(assignment, task + 1, students[0][task]))
+            for question in students[0][task].kind.questions:
+                unit = element('small', unit_sign(question.unit))
+                name = question_symbol(question, language)
+                heads.append(joined([f'{task + 1}. ', name, element('br'), unit]))
+            for row, variants in zip(rows, students, strict=True):
+                row.extend(_answer_texts(variants[task], language))
+        table = scrolling_table(f'{title} {tasks[0] + 1}', heads, rows)
+        sections.append(element('section', *content, table, class_='key'))
+    for variants in students if has_steps else ():
+        content = [element('h1', _student(variants[0]))]
+        for number, variant in enumerate(variants, 1):
+            answers = _answers(variant, language, solved=True)
+            heading = _task_heading(assignment, number, variant)
+            content += [heading, answers, _steps(variant, language)]
+        sections.append(element('section', *content))
+    return SHEET_PARTS.page(title, *sections, language=language)
+
+
+def _task_heading(assignment: Assignment, number: int, variant: Variant) -> Markup:
+    title = texts()['kinds'][variant.kind.name][assignment.language]['title']
+    points = assignment.points_text(assignment.points[variant.kind.name])
+    return element('h2', f'{number}. {title} ({points})')
+
+
+def _table_tasks(variants: Sequence[Variant]) -> list[list[int]]:
+    """Return the tasks of each table of a key that fits on the paper's width."""
+    tables: list[list[int]] = []
+    width = MAX_KEY_COLUMNS
+    for task, variant in enumerate(variants):
+        width += len(variant.kind.questions)
+        if width > MAX_KEY_COLUMNS:
+            tables.append([])
+            width = len(variant.kind.questions)
+        tables[-1].append(task)
+    return tables
+
+
+def _student(variant: Variant) -> str:
+    if variant.name in ('', variant.student):
+        return variant.student
+    return f'{variant.name} ({variant.student})'
+
+
+def problem(variant: Variant, language: str, *, has_note: bool = True) -> Markup:
     """Return the text of an exercise with its givens and its drawing."""
     words = texts()
     lines = []
@@ -70,19 +164,18 @@ def problem(variant: Variant, language: str) -> Markup:
     task = []
     for line in words['kinds'][variant.kind.name][language]['task'].splitlines():
         task += [rich(line), element('br')]
-    return joined([
-        element('p', *task[:-1]),
-        element('p', rich(words['sheet']['degrees'][language]), class_='note'),
-        element('div', picture(variant), *givens, class_='given'),
-    ])  # fmt: skip
+    note = element('p', rich(words['sheet']['degrees'][language]), class_='note')
+    drawing = element('div', picture(variant), *givens, class_='given')
+    return joined([element('p', *task[:-1]), *[note] * has_note, drawing])
 
 
 def _answers(variant: Variant, language: str, *, solved: bool = False) -> Markup:
     """Return the table of the questions, with or without their answers."""
     lines = []
-    for question in variant.kind.questions:
-        answer = variant.answers[question.name]
-        text = answer_text(variant, question, answer, language) if solved else ''
+    for question, answer in zip(
+        variant.kind.questions, _answer_texts(variant, language), strict=True
+    ):
+        text = answer if solved else ''
         cells = (
             element('th', question_markup(question, language)),
             element('td', text, class_='answer'),
@@ -91,6 +184,15 @@ def _answers(variant: Variant, language: str, *, solved: bool = False) -> Markup
         )
         lines.append(element('tr', *cells))
     return element('table', *lines, class_='answers')
+
+
+def _answer_texts(variant: Variant, language: str) -> list[str]:
+    """Return the right answers, in the order of the questions."""
+    answers = []
+    for question in variant.kind.questions:
+        right = variant.answers[question.name]
+        answers.append(answer_text(variant, question, right, language))
+    return answers
 
 
 def asked(variant: Variant, question: Question, language: str) -> str:
@@ -118,12 +220,19 @@ def _steps(variant: Variant, language: str) -> Markup:
 
 def question_markup(question: Question, language: str) -> Markup:
     """Return a question's symbol and words."""
-    words = rich(texts()['questions'].get(question.name, {}).get(language, ''))
-    if question.name in data()['notation']['words'].split():
-        return words
-    if not words:
-        return symbol(question.name)
-    return joined([symbol(question.name), Markup(', '), words])
+    words = _question_words(question, language)
+    name = question_symbol(question, language)
+    return joined([name, Markup(', '), words]) if words not in ('', name) else name
+
+
+def question_symbol(question: Question, language: str) -> Markup:
+    """Return a question's symbol, or the words of one without a symbol."""
+    has_words_alone = question.name in data()['notation']['words'].split()
+    return _question_words(question, language) if has_words_alone else symbol(question.name)
+
+
+def _question_words(question: Question, language: str) -> Markup:
+    return rich(texts()['questions'].get(question.name, {}).get(language, ''))
 
 
 def answer_text(variant: Variant, question: Question, answer: Answer, language: str) -> str:

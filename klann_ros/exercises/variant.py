@@ -8,6 +8,7 @@ the course's formulas; a draw is accepted if both agree and the numbers are fit 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+import hmac
 from math import floor, inf, log10
 from typing import Any, NamedTuple
 
@@ -232,9 +233,11 @@ def difference(question: Question, answer: Answer, reference: Answer) -> float:
     return gap
 
 
-def make_variant(kind: Kind, student: str, name: str = '') -> Variant:
+def make_variant(kind: Kind, student: str, name: str = '', secret: str = '') -> Variant:
     """
     Return the variant of a student, whose name changes nothing.
+
+    With a secret it is that of HMAC-SHA256 of the student number: nobody else can draw it.
 
     Raises
     ------
@@ -247,7 +250,8 @@ def make_variant(kind: Kind, student: str, name: str = '') -> Variant:
             f'student {printable(student, MAX_STUDENT)!r} is refused: it must be 1 to '
             f'{MAX_STUDENT} printable characters'
         )
-    draw = Draw(f'{kind.name}:{student}')
+    seed = hmac.new(secret.encode(), student.encode(), 'sha256').hexdigest() if secret else student
+    draw = Draw(f'{kind.name}:{seed}')
     for _ in range(data()['variants']['draws']):
         variant = _suitable(kind, student, name, kind.draw(draw))
         if variant:

@@ -6,7 +6,8 @@ from pathlib import Path
 import re
 
 from klann_ros.exercises import KINDS, make_variant
-from klann_ros.exercises.command import main, read_students
+from klann_ros.exercises.command import main
+from klann_ros.exercises.gradebook import read_students
 from klann_ros.exercises.sheet import picture, with_unit
 import pytest
 
@@ -40,9 +41,9 @@ def code_of(*arguments: str) -> int:
 
 @pytest.mark.parametrize('language', ['en', 'pt'])
 def test_sheets_and_key_are_for_a_class(students: Path, tmp_path: Path, language: str) -> None:
-    assert make(students, tmp_path / 'out', 'limits', '--language', language) == 0
-    sheets = (tmp_path / 'out/limits.html').read_text()
-    key = (tmp_path / 'out/limits_key.html').read_text()
+    assert make(students, tmp_path / 'out', 'limits', '--language', language, '--steps') == 0
+    sheets = (tmp_path / 'out/sheets.html').read_text()
+    key = (tmp_path / 'out/key.html').read_text()
     assert sheets.count('<section>') == key.count('<section>') == 3
     assert sheets.count('<svg') == 3
     assert 'João' in sheets
@@ -50,19 +51,20 @@ def test_sheets_and_key_are_for_a_class(students: Path, tmp_path: Path, language
     assert '<script' not in sheets + key
     swing = make_variant(KINDS['limits'], '0011').answers['swing']
     shown = f'{swing:.2f}'.replace('.', ',' if language == 'pt' else '.')
-    assert shown in key
+    assert key.count(shown) == 3  # in the table, the answers and the steps
     assert shown not in sheets
 
 
 def test_the_template_filled_in_is_marked(students: Path, tmp_path: Path, capsys: Capture) -> None:
     make(students, tmp_path, 'toggle')
-    template = read_csv(tmp_path / 'toggle_answers.csv')
+    template = read_csv(tmp_path / 'answers.csv')
     assert [line['student'] for line in template] == ['0011'] * 3 + ['0012'] * 3 + ["'=cmd"] * 3
     key = make_variant(KINDS['toggle'], '0011').answers
     lines = ['student,kind,question,answer']
     lines += [f'0011,toggle,{name},"{length:.5g} mm"' for name, length in key.items()]
     lines += ["'=cmd,toggle,Z,x", '0012,toggle,Z,1', '0012,toggle,Y,1', '0012,jump,Z,1']
     lines += ['0011,toggle,Z,1', '1.1E+07,toggle,Z,1']
+    (tmp_path / 'exercise.json').unlink()
     answers = tmp_path / 'answers.csv'
     answers.write_text('\n'.join(lines))
     capsys.readouterr()
@@ -83,7 +85,10 @@ def test_the_template_filled_in_is_marked(students: Path, tmp_path: Path, capsys
 @pytest.mark.parametrize(
     ('content', 'message'),
     [
-        ('id\n1\n', 'has no column student'),
+        (
+            'Turma\n1\n',
+            'has no column student, such as numero usp, no usp, n usp; its columns are Turma',
+        ),
         ('student\n', 'has 0 students'),
         ('student\n1\n1\n', 'has students twice: 1'),
         ('student\n1,2\n', '2 cells for 1 columns'),
@@ -122,7 +127,8 @@ def test_an_invalid_class_list_is_refused(
 def test_a_class_list_of_any_spreadsheet_is_read(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / 'class.csv'
     path.write_bytes(content)
-    assert read_students(str(path)) == {'1': 'João, "o outro"', '2': '=cmd|x'}
+    students, _ = read_students(str(path), {})
+    assert students == {'1': 'João, "o outro"', '2': '=cmd|x'}
 
 
 UNREADABLE = dict.fromkeys(['none.csv', '.', 'a\0b'], 'cannot be read: ')
@@ -205,7 +211,7 @@ def test_answers_with_decimal_commas_are_read_from_any_spreadsheet(
 
 
 def test_answers_filled_in_are_kept(students: Path, tmp_path: Path, capsys: Capture) -> None:
-    answers = tmp_path / 'toggle_answers.csv'
+    answers = tmp_path / 'answers.csv'
     make(students, tmp_path, 'toggle')
     empty = answers.read_bytes()
     answers.write_bytes(b'old')
@@ -225,7 +231,7 @@ def test_answers_filled_in_are_kept(students: Path, tmp_path: Path, capsys: Capt
     ('name', 'folder', 'kind', 'code', 'message'),
     [
         ('class.csv', 'out', 'newtn', 2, 'did you mean newton?'),
-        ('toggle_answers.csv', '', 'toggle', 3, 'which is only read'),
+        ('answers.csv', '', 'toggle', 3, 'which is only read'),
         ('class.csv', 'class.csv', 'toggle', 3, 'cannot be written'),
     ],
 )

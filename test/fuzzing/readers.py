@@ -20,8 +20,9 @@ from klann_ros.calibration.tables import load_table, TableOptions
 from klann_ros.datasheet import motor_from_file, MotorFileError
 from klann_ros.design import requirements_from, requirements_from_file, RequirementsError, State
 from klann_ros.design.search import StateError
-from klann_ros.exercises import ExerciseError, KINDS
-from klann_ros.exercises.command import mark_answers, read_students
+from klann_ros.exercises import ExerciseError
+from klann_ros.exercises.gradebook import Answers, read_students
+from klann_ros.exercises.sheet import Assignment
 from klann_ros.kinematics import linkage_from_file, LinkageFileError
 from klann_ros.live.protocol import parse_message, ProtocolError
 from klann_ros.log import open_log
@@ -153,9 +154,11 @@ READERS = {
     ),
     'prior': _sample('prior', '.yaml', hostile_yaml, _read_prior, MeasurementError),
     'metadata': _sample('metadata', '.yaml', hostile_yaml, _read_metadata, NotALogError),
-    'students': _sample('students', '.csv', hostile_table, _of_name(read_students), ExerciseError),
+    'students': _sample(
+        'students', '.csv', hostile_table, _of_name(read_students, {}), ExerciseError
+    ),
     'answers': _sample(
-        'answers', '.csv', hostile_table, _of_name(mark_answers, KINDS), ExerciseError
+        'answers', '.csv', hostile_table, _of_name(Answers, Assignment(), {}), ExerciseError
     ),
     'track': _sample(
         'track',

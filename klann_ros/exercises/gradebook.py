@@ -1,0 +1,501 @@
+"""A class: its assignment, its list, its answers in tables, long or wide, and its gradebook."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, replace
+import hmac
+import json
+import os
+from pathlib import Path
+import re
+from statistics import fmean, quantiles
+from typing import BinaryIO
+
+from klann_ros.cli import harmless, OutputError, plain, read_table, Table, write_table
+from klann_ros.sanitize.files import read_regular
+from klann_ros.sanitize.text import (
+    counted,
+    did_you_mean,
+    listed,
+    MAX_LINE_LENGTH,
+    parse_json,
+    printable,
+)
+
+from .calculation import data
+from .kinds import KINDS
+from .marking import Mark, mark, Marks, read_answer, statistics
+from .sheet import Assignment, class_texts, localised, unit_sign
+from .variant import ExerciseError, LANGUAGES, look_up, Question, texts
+
+# File of a folder that remembers its assignment.
+ASSIGNMENT_FILE = 'exercise.json'
+# Largest table [bytes], students of one, and points of a task; shortest secret [characters].
+MAX_TABLE, MAX_STUDENTS, MAX_POINTS, MIN_SECRET = 20_000_000, 5000, 1000.0, 12
+# Refused rows with advice, which is slow to find.
+MAX_ADVICE = 20
+ANSWER_COLUMNS = ('student', 'kind', 'question', 'answer')
+MARK_COLUMNS = (*ANSWER_COLUMNS, 'points', 'reason')
+# A long student number as a spreadsheet writes it, and one with the decimals of a program.
+SCIENTIFIC, DECIMALS = re.compile(r'\d(?:[.,]\d+)?[Ee]\+?\d+'), re.compile(r'(\d+)\.0')
+# A heading and its unit; the word before the number of a task.
+HEADING_WITH_UNIT = re.compile(r'(.*?)(?:[\[(]([^\[\]()]*)[\])])?', re.DOTALL)
+TASK_WORD = re.compile(r'^(?:questao|question|tarefa|task|exercicio|exercise)(?=\d)')
+
+
+def fingerprint(secret: str) -> str:
+    """Return what tells one secret from another."""
+    digest = hmac.new(secret.encode(), ASSIGNMENT_FILE.encode(), 'sha256').hexdigest()
+    return digest[:16] if secret else ''
+
+
+def assignment_content(assignment: Assignment) -> bytes:
+    """Return the file that remembers an assignment, without its secret."""
+    content = asdict(replace(assignment, secret=fingerprint(assignment.secret)))
+    return f'{json.dumps(content, indent=1, ensure_ascii=False)}\n'.encode()
+
+
+def summary(assignment: Assignment) -> str:
+    """Return the class, its tasks and its language in a few words."""
+    tasks = ', '.join(f'{kind} {points:g}' for kind, points in assignment.points.items())
+    secret = f', secret {printable(assignment.secret_file)}' if assignment.secret_file else ''
+    students = counted(len(assignment.students), 'student')
+    return f'{students}, points {tasks}, language {assignment.language}{secret}'
+
+
+def load_assignment(folder: Path) -> Assignment | None:
+    """
+    Return the assignment that a folder remembers; the fingerprint stands for its secret.
+
+    An ExerciseError means that the file is damaged.
+    """
+    path = folder / ASSIGNMENT_FILE
+    if not path.exists():
+        return None
+    try:
+        assignment = Assignment(**parse_json(read_regular(path, MAX_TABLE)))
+        look_up(assignment.language, dict.fromkeys(LANGUAGES), 'language')
+        points = read_tasks(f'{kind}:{number}' for kind, number in assignment.points.items())
+        # A TypeError unless all of them are texts.
+        ''.join([*assignment.students.values(), assignment.secret, assignment.secret_file])
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        reason = f'{printable(path)} is damaged: {printable(error)}; run exercise make again'
+        raise ExerciseError(reason) from error
+    return replace(assignment, points=points)
+
+
+def check_same(assignment: Assignment, folder: Path) -> None:
+    """Raise an OutputError if a folder remembers another assignment than one with its secret."""
+    remembered = load_assignment(folder) or assignment
+    secrets = {remembered.secret, fingerprint(assignment.secret)}
+    is_same_secret = remembered is assignment or len(secrets) == 1
+    if {*remembered.points} != {*assignment.points} or not is_same_secret:
+        raise OutputError(
+            f'-o {printable(folder)} has answers to other sheets: {summary(remembered)}; choose a '
+            'new folder'
+        )
+
+
+def with_secret(assignment: Assignment, folder: Path, path: str | None) -> Assignment:
+    """Return a remembered assignment with its secret; an ExerciseError if it is another one."""
+    if not assignment.secret and not path:
+        return assignment
+    secret = read_secret(path or str(folder / assignment.secret_file))
+    if assignment.points and fingerprint(secret) != assignment.secret:
+        raise ExerciseError('the secret is not that of the sheets')
+    return replace(assignment, secret=secret)
+
+
+def read_secret(path: str | None) -> str:
+    """Return the secret in a file, if any; an ExerciseError if it is none, or can be guessed."""
+    if not path:
+        return ''
+    try:
+        secret = read_regular(path, MAX_LINE_LENGTH).strip()
+    except (OSError, ValueError) as error:
+        reason = printable(getattr(error, 'strerror', None) or error)
+        raise ExerciseError(f'the secret {printable(path)} cannot be read: {reason}') from error
+    if len(secret) < MIN_SECRET:
+        reason = f'it must have {MIN_SECRET} characters; a new file gets a random one'
+        raise ExerciseError(f'the secret {printable(path)} can be guessed: {reason}')
+    return secret
+
+
+def make_secret(path: str, secret: str) -> None:
+    """Write a secret to a new file, which only its owner can read."""
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), 'w') as file:
+        file.write(f'{secret}\n')
+
+
+def read_tasks(arguments: Iterable[str]) -> dict[str, float]:
+    """Return the points by kind of texts KIND or KIND:POINTS; an ExerciseError for others."""
+    points_of: dict[str, float] = {}
+    for argument in arguments:
+        kind, _, number = argument.partition(':')
+        questions = look_up(kind, KINDS, 'kind').questions
+        if kind in points_of:
+            raise ExerciseError(f'kind {kind} is there twice: a sheet has one task of a kind')
+        try:
+            points = float(number.replace(',', '.') or len(questions))
+        except ValueError:
+            points = 0.0
+        if not 0.0 < points <= MAX_POINTS:
+            raise ExerciseError(
+                f'{printable(argument)} is refused: its points must be a number > 0, such as '
+                f'{kind}:1.5'
+            )
+        points_of[kind] = points
+    return points_of
+
+
+def read_students(path: str, headings: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
+    """
+    Return the names of a class by student number, and what was guessed.
+
+    `headings` are those of a column in this very table.
+
+    Raises
+    ------
+    ExerciseError
+        The file cannot be read, is no such table, has a student twice, or a row without one.
+
+    """
+    table = _table(path, headings)
+    names: dict[str, str] = {}
+    repeated = []
+    notes = _guesses(table)
+    for place, _, cells in table.rows:
+        columns = [cells.get(column, '').strip() for column in ('name', 'surname')]
+        name = printable(' '.join(columns).strip())
+        student = cells['student'].strip()
+        if 'name' in table.headings and not name and (' ' in student or not student):
+            # A line below the class, such as 'Total: 40'.
+            notes.append(f'left out: {place}')
+            continue
+        number = _number(cells, place)
+        if number in names:
+            repeated.append(number)
+        names[number] = name
+    if not 0 < len(names) <= MAX_STUDENTS:
+        raise ExerciseError(
+            f'{printable(path)} has {len(names)} students: 1 to {MAX_STUDENTS} are possible'
+        )
+    if repeated:
+        raise ExerciseError(f'{printable(path)} has students twice: {listed(repeated, 5)}')
+    return names, notes
+
+
+def _table(path: str, headings: Mapping[str, str]) -> Table:
+    spellings = dict(class_texts()['columns'])
+    for column, heading in headings.items():
+        look_up(column, spellings, 'column')
+        spellings[column] = [heading]
+    return read_table(path, spellings, ('student',), ExerciseError, MAX_TABLE)
+
+
+def _guesses(table: Table) -> list[str]:
+    """Return a line with the columns whose headings are other words."""
+    guesses = []
+    for name, heading in table.headings.items():
+        if plain(heading) != name:
+            guesses.append(f'{name} = {printable(heading, 60)}')
+    return [f'columns: {", ".join(guesses)}'] if guesses else []
+
+
+def _number(cells: Mapping[str, str], place: str) -> str:
+    """Return the student number of a row."""
+    number = DECIMALS.sub(r'\1', cells.get('student', '').strip())
+    if not number:
+        raise ExerciseError(f'{place}: no student number')
+    if SCIENTIFIC.fullmatch(number):
+        raise ExerciseError(
+            f'{place}: student {number} is a number that a spreadsheet has rounded; give the '
+            'column the format text'
+        )
+    return number
+
+
+class Answers:
+    """
+    The answers of a table as written, by student and kind, then by question.
+
+    `refused` are the rows that cannot be used, `notes` what was guessed. A table without columns
+    for question and answer has a row a student and a column a question. An ExerciseError means
+    that the file cannot be read, or is no table of answers.
+    """
+
+    def __init__(self, path: str, assignment: Assignment, headings: Mapping[str, str]) -> None:
+        self._assignment = assignment
+        self._kinds = {kind: KINDS[kind] for kind in assignment.points or KINDS}
+        self._numbers: dict[str, list[str]] = {}
+        for student in assignment.students:
+            self._numbers.setdefault(_bare(student), []).append(student)
+        self.texts: dict[tuple[str, str], dict[str, str]] = {}
+        self.refused: list[str] = []
+        table = _table(path, headings)
+        self.notes = _guesses(table)
+        is_long = {'question', 'answer'} <= {*table.names}
+        columns = {} if is_long else self._question_columns(table, printable(path))
+        lines: dict[str, int] = {}
+        for _, line, cells in table.rows:
+            try:
+                student = self._student(cells, line)
+                if is_long:
+                    self._add(student, cells, line)
+            except ExerciseError as error:
+                self.refused.append(str(error))
+                continue
+            if columns and student in lines:
+                places = f'lines {lines[student]} and {line}'
+                self.notes.append(f'{places} are both of {printable(student)}: the last counts')
+            lines[student] = line
+            for heading, (kind, question, unit) in columns.items():
+                text = cells.get(heading, '').strip()
+                if unit and read_answer(f'{text} {unit}', question) is not None:
+                    text = f'{text} {unit}'
+                self.texts.setdefault((student, kind), {})[question.name] = text
+        if not self.texts and not self.refused:
+            raise ExerciseError(f'{printable(path)} has no answers')
+
+    def _student(self, cells: Mapping[str, str], line: int) -> str:
+        """Return the student of a row, with the number as in the class list."""
+        number = _number(cells, f'line {line}')
+        students = self._assignment.students
+        if not students or number in students:
+            return number
+        similar = self._numbers.get(_bare(number), ())
+        if len(similar) != 1:
+            # Advice is slow to find: not for every row of a wrong file.
+            advice = did_you_mean(number, students) if len(self.refused) < MAX_ADVICE else ''
+            shown = printable(number)
+            raise ExerciseError(f'line {line}: student {shown} is not in the class{advice}')
+        self.notes.append(f'line {line}: {printable(number)} is taken for {similar[0]}')
+        return similar[0]
+
+    def _add(self, student: str, cells: Mapping[str, str], line: int) -> None:
+        """Add the answer of a row; an ExerciseError if it is of no question, or the second."""
+        kind = cells.get('kind', '').strip()
+        if not kind and len(self._kinds) == 1:
+            (kind,) = self._kinds
+        question = cells.get('question', '').strip()
+        questions = look_up(kind, self._kinds, f'line {line}: kind').questions
+        names = dict.fromkeys(question.name for question in questions)
+        look_up(question, names, f'line {line}: question of {kind}')
+        answers = self.texts.setdefault((student, kind), {})
+        if question in answers:
+            raise ExerciseError(f'line {line}: {printable(student)} answers {question} twice')
+        answers[question] = cells.get('answer', '').strip()
+
+    def _question_columns(self, table: Table, file: str) -> dict[str, tuple[str, Question, str]]:
+        """Return the kind, the question and, if it is another one, the unit by heading."""
+        spellings = _question_spellings([*self._kinds])
+        columns: dict[str, tuple[str, Question, str]] = {}
+        missing = {(kind, q) for kind in self._assignment.points for q in KINDS[kind].questions}
+        left_out = []
+        for heading in table.names:
+            match = HEADING_WITH_UNIT.fullmatch(heading)
+            name, unit = match.groups('') if match else (heading, '')
+            matches = spellings.get(_compact(heading)) or spellings.get(_compact(name)) or ()
+            if heading in table.headings or not matches:
+                left_out += [heading] * (heading not in table.headings)
+                continue
+            if len(matches) > 1:
+                kinds = listed(sorted(kind for kind, _ in matches), 3)
+                raise ExerciseError(
+                    f'{file}: put the kind before {printable(heading, 60)}: {kinds}'
+                )
+            ((kind, question),) = matches
+            if (kind, question) in [column[:2] for column in columns.values()]:
+                raise ExerciseError(f'{file} has two columns of {kind} {question.name}')
+            is_other = unit and read_answer(f'1 {unit}', question) not in (1.0, None)
+            columns[heading] = (kind, question, unit if is_other else '')
+            missing.discard((kind, question))
+        if not columns:
+            raise ExerciseError(
+                f'{file} has no columns question and answer, nor one of a question of '
+                f'{listed(self._kinds, 3)}; its columns are {listed(table.names, 8)}'
+            )
+        if left_out:
+            self.notes.append(f'columns that are no questions: {listed(left_out, 8)}')
+        if missing:
+            names = sorted(f'{kind} {question.name}' for kind, question in missing)
+            self.notes.append(f'questions without a column: {listed(names)}')
+        return columns
+
+    def marks(self) -> Marks:
+        """Return the marks of who answered; a number that gives no variant is refused."""
+        class_marks = {}
+        present = {student for (student, _), texts in self.texts.items() if any(texts.values())}
+        for (student, kind), student_answers in self.texts.items():
+            if student in self._assignment.students and student not in present:
+                continue
+            try:
+                variant = self._assignment.variant(kind, student)
+                class_marks[student, kind] = mark(variant, student_answers)
+            except ExerciseError as error:  # noqa: PERF203, RUF100 - of each student
+                self.refused.append(str(error))
+        return class_marks
+
+
+def _bare(number: str) -> str:
+    """Return the digits of a student number without leading zeros, or the letters of one."""
+    return re.sub(r'\D', '', number).lstrip('0') or plain(number)
+
+
+def _question_spellings(kinds: Sequence[str]) -> dict[str, set[tuple[str, Question]]]:
+    """Return the questions by the headings that stand for them: alone, or after kind or number."""
+    spellings: dict[str, set[tuple[str, Question]]] = {}
+    for number, kind in enumerate(kinds, 1):
+        for question in KINDS[kind].questions:
+            for name in (question.name, *texts()['questions'].get(question.name, {}).values()):
+                for heading in (name, f'{kind} {name}', f'{number} {name}'):
+                    spellings.setdefault(_compact(heading), set()).add((kind, question))
+    return spellings
+
+
+def _compact(heading: str) -> str:
+    """Return the letters and digits of a heading, Greek letters by their names."""
+    for name, letter in data()['notation']['greek'].items():
+        heading = heading.replace(letter, f' {name} ')
+    return TASK_WORD.sub('', plain(heading).replace(' ', ''))
+
+
+def has_answers(path: str) -> bool:
+    """Return whether a file is a table of students with an answer at least; else as `Answers`."""
+    labels = {'student', 'name', 'surname', 'kind', 'question'}
+    for row in _table(path, {}).rows if Path(path).is_file() else ():
+        if any(cell.strip() for name, cell in row.cells.items() if name not in labels):
+            return True
+    return False
+
+
+def save_template(assignment: Assignment, is_wide: bool, file: BinaryIO) -> None:
+    """Write an empty table of answers, a row an answer or, if wide, a row a student."""
+    language = assignment.language
+    questions = [
+        (kind, question) for kind in assignment.points for question in KINDS[kind].questions
+    ]
+    if is_wide:
+        heads = [assignment.word(name) for name in ('student', 'name')]
+        for kind, question in questions:
+            sign = unit_sign(question.unit)
+            heads.append(f'{kind} {question.name}{sign and f" ({sign})"}')
+        blanks = [''] * len(questions)
+        _save(
+            heads, [(*student, *blanks) for student in assignment.students.items()], language, file
+        )
+        return
+    rows = []
+    for student in assignment.students:
+        rows += [(student, kind, question.name, '') for kind, question in questions]
+    _save(ANSWER_COLUMNS, rows, language, file)
+
+
+def save_marks(class_marks: Marks, assignment: Assignment, file: BinaryIO) -> None:
+    """Write the marks, a row an answer."""
+    language = assignment.language
+    lines = []
+    for (student, kind), marks in class_marks.items():
+        for answer_mark in marks:
+            answer = (student, kind, answer_mark.question, answer_mark.given)
+            points = _points_text(answer_mark.points, language)
+            lines.append((*answer, points, answer_mark.reason(language)))
+    _save(MARK_COLUMNS, lines, language, file)
+
+
+def task_points(class_marks: Marks, assignment: Assignment) -> dict[tuple[str, str], float]:
+    """Return the points of each student and kind, to the hundredth."""
+    points = {}
+    for (student, kind), marks in class_marks.items():
+        share = fmean(answer_mark.points for answer_mark in marks)
+        points[student, kind] = round(share * assignment.points_of(kind), 2)
+    return points
+
+
+def reasons_of(marks: Iterable[Mark], language: str) -> list[str]:
+    """Return a line for each answer that is not right."""
+    lines = []
+    for answer_mark in marks:
+        if answer_mark.points < 1.0:
+            answer = printable(answer_mark.given, 40) or '-'
+            points = localised(f'{answer_mark.points:g}', language)
+            lines.append(
+                f'{answer_mark.question} = {answer}: {points}, {answer_mark.reason(language)}'
+            )
+    return lines
+
+
+def save_gradebook(class_marks: Marks, assignment: Assignment, file: BinaryIO) -> None:
+    """Write the gradebook, a row a student: the points of each task, the total, the reasons."""
+    language = assignment.language
+    kinds = dict.fromkeys([*assignment.points, *(kind for _, kind in class_marks)])
+    points_of = task_points(class_marks, assignment)
+    rows = []
+    for student in dict.fromkeys([*assignment.students, *(student for student, _ in class_marks)]):
+        cells = [student, assignment.students.get(student, '')]
+        total = 0.0
+        reasons: list[str] = []
+        for kind in kinds:
+            points = points_of.get((student, kind))
+            total += points or 0.0
+            cells.append('' if points is None else _points_text(points, language))
+            marks = class_marks.get((student, kind), ())
+            reasons += [f'{kind} {reason}' for reason in reasons_of(marks, language)]
+        has_answers = any(cells[2:])
+        cells.append(_points_text(total, language) if has_answers else '')
+        cells.append('; '.join(reasons) if has_answers else assignment.word('absent'))
+        rows.append(cells)
+    maxima = {kind: assignment.points_of(kind) for kind in kinds}
+    maxima[assignment.word('total')] = sum(maxima.values())
+    points_heads = [
+        f'{name} ({_points_text(points, language)})' for name, points in maxima.items()
+    ]
+    student_head, name_head, reasons_head = map(assignment.word, ('student', 'name', 'reasons'))
+    _save((student_head, name_head, *points_heads, reasons_head), rows, language, file)
+
+
+def _points_text(points: float, language: str) -> str:
+    return localised(f'{points:.6g}', language)
+
+
+def class_summary(class_marks: Marks, assignment: Assignment) -> list[str]:
+    """Return lines with the slips of each task, the points of the class, and its extremes."""
+    lines = []
+    for kind, counts in statistics(class_marks).items():
+        students = counted(int(counts.pop('students')), 'student')
+        share = 100.0 * counts.pop('part')
+        slips = ', '.join(f'{slip} {count:g}' for slip, count in counts.items())
+        lines.append(f'{kind}: {students}, {share:.0f} %; {slips}')
+    totals: dict[str, float] = {}
+    for (student, _), points in task_points(class_marks, assignment).items():
+        totals[student] = totals.get(student, 0.0) + points
+    if len(totals) > 1:
+        total = sum(map(assignment.points_of, {kind for _, kind in class_marks}))
+        quartiles = quantiles(totals.values(), method='inclusive')
+        lines.append(assignment.word('spread', total, fmean(totals.values()), *quartiles))
+    shares: dict[str, list[float]] = {}
+    for (_, kind), marks in class_marks.items():
+        for answer_mark in marks:
+            shares.setdefault(f'{kind} {answer_mark.question}', []).append(answer_mark.points)
+    if shares:
+        question = min(shares, key=lambda name: fmean(shares[name]))
+        share = round(100.0 * fmean(shares[question]))
+        lines.append(f'{assignment.word("hardest", share)}: {question}')
+    if absent := [student for student in assignment.students if student not in totals]:
+        lines.append(f'{assignment.word("absent")}: {listed(absent)}')
+    return lines
+
+
+def _save(
+    heads: Sequence[str], lines: Iterable[Sequence[str]], language: str, file: BinaryIO
+) -> None:
+    cells = [list(map(_cell, line)) for line in lines]
+    # With the mark by which spreadsheets know UTF-8; where the comma is decimal, ; separates.
+    delimiter = ';' if language == 'pt' else ','
+    write_table((heads, *cells), file, encoding='utf-8-sig', delimiter=delimiter)
+
+
+def _cell(text: str) -> str:
+    """Return a cell without control characters; a number with a sign is no formula."""
+    if re.fullmatch(r'[+-]?\d+(?:[.,]\d+)?', text, re.ASCII):
+        return text
+    return harmless(printable(text, MAX_LINE_LENGTH))
