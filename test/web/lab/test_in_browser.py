@@ -259,6 +259,7 @@ def test_an_entry_holds_as_long_as_it_is_legal(lab: Opened) -> None:
     field = page.locator('#number-0')
     typed = (
         ('10 cm', 100), ('0.11 m', 110), ('4 in', 101.6), ('4.25"', 107.95), ('1.15e2', 115),
+        ('1.1e1cm', 110), ('0.000012 km', 12),
     )  # fmt: skip
     for text, millimetres in typed:
         field.focus()
@@ -279,6 +280,7 @@ def test_an_entry_holds_as_long_as_it_is_legal(lab: Opened) -> None:
         '10 kg',
         '10 c',
         '12 degrees',
+        '1 000',
         '100,5',
         '10 cm cm',
         '1e',
@@ -299,6 +301,20 @@ def test_an_entry_holds_as_long_as_it_is_legal(lab: Opened) -> None:
     field.fill('121')
     assert page.locator('.reason:visible').count() == 0
     assert not page.locator('#refusal').is_visible()
+    # The crank's angle is no edit.
+    crank_field = page.locator('#alpha-number')
+    for text, degrees in (('90', 90), ('1.2 rad', 68.7549354), ('-10', 350), ('70 kg', 350)):
+        crank_field.focus()
+        page.keyboard.press('Control+a')
+        page.keyboard.type(text)
+        page.keyboard.press('Enter')
+        assert float(crank_field.input_value()) == pytest.approx(degrees, rel=1e-7), text
+        alpha = page.evaluate('lab.alpha % TAU')
+        assert alpha == pytest.approx(np.radians(degrees - 360 * (degrees > 180)), rel=1e-7)
+    assert page.locator('.reason:visible').count() == 1
+    page.locator('#alpha').fill('45')
+    assert crank_field.input_value() == '45'
+    assert page.locator('.reason:visible').count() == 0
     # The guess is in degrees.
     page.locator('#guess input').first.fill('0.5 rad')
     assert page.evaluate('lab.guess[0]') == pytest.approx(0.5, rel=1e-15)

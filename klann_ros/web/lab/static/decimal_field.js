@@ -3,7 +3,9 @@
 
 const MAX_DECIMAL_LENGTH = 40;
 const NUMBER_AND_UNIT =
-  /^\s*([-+\u2212\u2013]?[\d.,]*(?:e[-+\u2212\u2013]?\d*(?![a-z]))?)\s*(.*?)\s*$/is;
+  /^\s*([-+\u2212\u2013]?[\d.,]*(?:e[-+\u2212\u2013]?(?:\d+|$))?)\s*(.*?)\s*$/is;
+// What a unit may begin with.
+const UNIT = /^[\p{L}°º'"″′]/u;
 
 /** Return the number of a typed text; null while it is incomplete, a Refusal if it is none. */
 function decimalOf(text) {
@@ -29,8 +31,8 @@ function quantityOf(text, unit, isEnd = true) {
   const [, digits, word] = NUMBER_AND_UNIT.exec(text);
   const number = decimalOf(digits || word);
   if (number === null && (!text.trim() || (!isEnd && !word))) return null;
-  if (number === null) return refuseText('noNumber', text);
-  if (!word) return number;
+  if (!word && number !== null) return number;
+  if (number === null || !UNIT.test(word)) return refuseText('noNumber', text);
   const factor = conversionFactor(UNITS, word, unit);
   if (factor) return Number((number * factor).toPrecision(15));
   // It may become one.
@@ -51,10 +53,10 @@ function refuseText(key, text) {
 class DecimalField {
   /**
    * `value()` returns the number to show, `take(number)` takes a typed one as an edit of the lab;
-   * both in the unit, 'mm' or '°'.
+   * both in the unit, 'mm' or '°'. `revert()` takes back what is no edit of the lab.
    */
-  constructor(lab, { id = '', unit, isSigned = true, digits = 8, value, take }) {
-    Object.assign(this, { lab, unit, digits, value, take });
+  constructor(lab, { id = '', unit, isSigned = true, digits = 8, value, take, revert = () => {} }) {
+    Object.assign(this, { lab, unit, digits, value, take, revert });
     DecimalField.count = (DecimalField.count || 0) + 1;
     this.reason = Object.assign(made('p', 'reason'), { id: `reason-${DecimalField.count}` });
     this.reason.hidden = true;
@@ -88,6 +90,7 @@ class DecimalField {
     const { lab, input, unit } = this;
     lab.begin();
     lab.revert();
+    this.revert();
     lab.attempt(() => {
       const number = quantityOf(input.value, unit, isEnd);
       this.isIncomplete = number === null;

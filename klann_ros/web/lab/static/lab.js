@@ -14,14 +14,38 @@ const crank = { isTurning: false };
 
 // The crank.
 
+/** Return its angle in a turn [deg]; while it turns no more digits than can be read. */
+function crankDegrees() {
+  const angle = (((lab.alpha % TAU) + TAU) % TAU) * (360 / TAU);
+  return crank.isTurning ? rounded(angle, 0.1) : angle;
+}
+
+const crankField = new DecimalField(lab, {
+  id: 'alpha-number',
+  unit: '°',
+  value: crankDegrees,
+  take: (angle) => {
+    crank.isTurning = false;
+    lab.turnNear((angle * TAU) / 360);
+  },
+  revert: () => lab.turnTo(crankField.before),
+});
+crankField.input.dataset.label = 'crank';
+for (const event of ['focus', 'change'])
+  crankField.input.addEventListener(event, () => {
+    crankField.before = lab.alpha;
+  });
+byId('alpha-field').append(crankField.input, '°');
+byId('alpha-field').parentNode.after(crankField.reason);
+
 function showCrank() {
-  const degrees = (((lab.alpha % TAU) + TAU) % TAU) * (360 / TAU);
   const slider = byId('alpha');
-  if (document.activeElement !== slider || crank.isTurning) slider.value = degrees;
+  if (document.activeElement !== slider || crank.isTurning) slider.value = crankDegrees();
+  crankField.show();
   slider.setAttribute('aria-valuetext', turnText(lab.alpha));
   const { period } = lab.linkage.changes;
-  const turn = period > 1 ? `, ${say('turnOf', turnNumber(lab.alpha, period), period)}` : '';
-  byId('alpha-text').textContent = turnText(lab.alpha) + turn;
+  byId('alpha-text').textContent =
+    period > 1 ? say('turnOf', turnNumber(lab.alpha, period), period) : '';
   byId('play').textContent = say(crank.isTurning ? 'pause' : 'play');
 }
 
