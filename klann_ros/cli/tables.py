@@ -16,8 +16,8 @@ DELIMITERS = ',;\t'
 Spellings = Mapping[str, Sequence[str]]
 # Lines that may stand above the headings, and the length of these [characters]; columns at most.
 MAX_TITLE_LINES, MAX_HEADING_LINE, MAX_COLUMNS = 20, 100_000, 2000
-# First bytes of .xlsx and .ods.
-WORKBOOK = b'PK\x03\x04'
+# First bytes of .xlsx and .ods, of .xls, and of pages that are called .xls.
+WORKBOOKS = (b'PK\x03\x04', b'\xd0\xcf\x11\xe0', b'<')
 # The last four are the first in the full width of Chinese and Japanese.
 _FORMULA_STARTS = ('=', '+', '-', '@', '\t', '\r', '\n', '\uff1d', '\uff0b', '\uff0d', '\uff20')
 
@@ -45,36 +45,36 @@ class Table(NamedTuple):
 def read_table(
     path: str,
     spellings: Spellings,
-    required: Sequence[str],
+    advice: str,
     error_type: type[Exception],
     max_size: int,
 ) -> Table:
     """
-    Return a table with the required columns and any others.
+    Return a table with the first column of the spellings and any others.
 
     The heading of a column is the first of its spellings that the table has, in capitals or not,
     with or without accents and signs; one with a leading ~ may be a part of a longer heading.
     Lines above the headings are left out. The encoding, the delimiter and quotes are those of any
     spreadsheet. A short row lacks its last columns. An error of `error_type` in one line means
-    that the file cannot be read, is longer than `max_size` bytes, is no table, or has not these
-    columns, once each.
+    that the file cannot be read, is longer than `max_size` bytes, is no table, or has not that
+    column once; `advice` says what to do then.
     """
     file = printable(path)
     text = decoded_text(path, error_type, max_size)
     lines = StringIO(text, newline='').readlines()
-    start, delimiter = _heading_line(lines, spellings, required)
+    start, delimiter = _heading_line(lines, spellings)
     reader = csv.reader(lines[slice(start, None)], delimiter=delimiter, strict=True)
     try:
         heads = [cell.strip() for cell in next(reader, ())]
         if len(heads) > MAX_COLUMNS:
             raise error_type(f'{file} has {len(heads)} columns: at most {MAX_COLUMNS} are read')
         columns = _columns(heads, spellings)
-        missing = [name for name in required if name not in columns]
-        if missing:
-            usual = ', '.join(spelling.strip('~') for spelling in spellings[missing[0]][:3])
+        required = next(iter(spellings))
+        if required not in columns:
+            usual = ', '.join(spelling.strip('~') for spelling in spellings[required][:3])
             raise error_type(
-                f'{file} has no column {listed(missing)}, such as {usual}; its columns are '
-                f'{listed(heads, 8)}'
+                f'{file} has no column {required}, such as {usual}; its columns are '
+                f'{listed(heads, 8)}; {advice}'
             )
         for column in columns.values():
             if [*map(plain, heads)].count(plain(heads[column])) > 1:
@@ -107,9 +107,7 @@ def plain(text: str) -> str:
     return ' '.join(re.findall(r'[^\W_]+', letters))
 
 
-def _heading_line(
-    lines: Sequence[str], spellings: Spellings, required: Sequence[str]
-) -> tuple[int, str]:
+def _heading_line(lines: Sequence[str], spellings: Spellings) -> tuple[int, str]:
     """Return the line and the delimiter with which most columns are recognised."""
     ranks = {}
     for start, line in enumerate(lines[:MAX_TITLE_LINES]):
@@ -118,7 +116,7 @@ def _heading_line(
                 csv.reader([line[:MAX_HEADING_LINE].replace('\0', '')], delimiter=delimiter), []
             )
             columns = _columns(heads, spellings)
-            ranks[start, delimiter] = ({*required} <= {*columns}, len(columns), len(heads))
+            ranks[start, delimiter] = (next(iter(spellings)) in columns, len(columns), len(heads))
     return max(ranks, key=lambda place: ranks[place], default=(0, DELIMITERS[0]))
 
 
@@ -169,7 +167,7 @@ def decoded_text(path: str, error_type: type[Exception], max_size: int) -> str:
     except (OSError, ValueError) as error:
         reason = getattr(error, 'strerror', None) or error
         raise error_type(f'{printable(path)} cannot be read: {printable(reason)}') from error
-    if data.startswith(WORKBOOK):
+    if data[:99].lstrip(b'\xef\xbb\xbf\r\n\t ').startswith(WORKBOOKS):
         raise error_type(f'{printable(path)} is a workbook: save it as CSV')
     if len(data) > max_size:
         raise error_type(f'{printable(path)} is longer than {max_size} bytes')

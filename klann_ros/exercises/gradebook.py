@@ -164,8 +164,10 @@ def read_students(path: str, headings: Mapping[str, str]) -> tuple[dict[str, str
     repeated = []
     notes = _guesses(table)
     for place, _, cells in table.rows:
-        columns = [cells.get(column, '').strip() for column in ('name', 'surname')]
-        name = printable(' '.join(columns).strip())
+        name = printable(cells.get('name', '').strip())
+        surname = printable(cells.get('surname', '').strip())
+        if not name.endswith(surname):
+            name = f'{name} {surname}'.strip()
         student = cells['student'].strip()
         if 'name' in table.headings and not name and (' ' in student or not student):
             # A line below the class, such as 'Total: 40'.
@@ -189,7 +191,8 @@ def _table(path: str, headings: Mapping[str, str]) -> Table:
     for column, heading in headings.items():
         look_up(column, spellings, 'column')
         spellings[column] = [heading]
-    return read_table(path, spellings, ('student',), ExerciseError, MAX_TABLE)
+    advice = 'name it by --column student=HEADING'
+    return read_table(path, spellings, advice, ExerciseError, MAX_TABLE)
 
 
 def _guesses(table: Table) -> list[str]:

@@ -107,7 +107,9 @@ def key(assignment: Assignment, students: Sequence[Sequence[Variant]], *, has_st
     for tasks in _table_tasks(students[0]):
         content = [element('h1', title)]
         heads = [words['student'][language]]
-        rows = [[_student(variants[0])] for variants in students]
+        rows = []
+        for variants in students:
+            rows.append([f'{variants[0].student} {variants[0].name}'])
         for task in tasks:
             content.append(_task_heading(assignment, task + 1, students[0][task]))
             for question in students[0][task].kind.questions:

@@ -87,7 +87,7 @@ def test_the_template_filled_in_is_marked(students: Path, tmp_path: Path, capsys
     [
         (
             'Turma\n1\n',
-            'has no column student, such as numero usp, no usp, n usp; its columns are Turma',
+            'numero usp, matricula, student id; its columns are Turma; name it by --column',
         ),
         ('student\n', 'has 0 students'),
         ('student\n1\n1\n', 'has students twice: 1'),
@@ -132,6 +132,7 @@ def test_a_class_list_of_any_spreadsheet_is_read(tmp_path: Path, content: bytes)
 
 
 UNREADABLE = dict.fromkeys(['none.csv', '.', 'a\0b'], 'cannot be read: ')
+UNREADABLE |= {'page.xls': 'is a workbook: save it as CSV'}
 UNREADABLE |= {'class.xlsx': 'is a workbook: save it as CSV', 'empty.csv': 'has no answers'}
 
 
@@ -140,6 +141,7 @@ def test_unreadable_answers_are_refused(
     tmp_path: Path, capsys: Capture, name: str, message: str
 ) -> None:
     (tmp_path / 'class.xlsx').write_bytes(b'PK\x03\x04\x14')
+    (tmp_path / 'page.xls').write_text('\ufeff\n<html><table>')
     (tmp_path / 'empty.csv').write_text('student,kind,question,answer\n')
     assert main(['mark', f'{tmp_path}/{name}']) == 2
     error = capsys.readouterr().err

@@ -33,6 +33,7 @@ CLASS_LISTS = {
     'Seq.;Nº USP;Nome;Curso\n1;0123;Ana Sá;18003\n2;0456;Eva Luz;18003\n;;;\nTotal: 2 alunos;;;\n',
     'SIGAA': 'Matrícula\tNome\tCurso\n0123\tAna Sá\tMEC\n0456\tEva Luz\tMEC\n',
     'RA': 'RA;NOME COMPLETO;E-MAIL\n0123;Ana Sá;a@x\n0456;Eva Luz;e@x\n',
+    'both names': 'Nome completo,Sobrenome,Nº USP\nAna Sá,Sá,0123\nEva Luz,Luz,0456\n',
     'aluno': 'NUSP;Aluno(a)\n0123;Ana Sá\n0456;Eva Luz\n',
     'Canvas': 'Student,Student ID,SIS User ID,Section\nAna Sá,0123,x,1\nEva Luz,0456,x,1\n',
     'spreadsheet': 'sep=;\n"Nº  USP";"Nome"\n="0123";" Ana Sá "\n;\n="0456";Eva Luz\n;;;\n',
@@ -256,7 +257,7 @@ def test_a_folder_remembers_its_assignment(tmp_path: Path, capsys: Capture) -> N
     assert main(['mark', str(answers)]) == 1
     shown = capsys.readouterr().out
     assert 'exercise.json: 2 students, points toggle 1.5, grashof 2, language pt\n' in shown
-    assert 'Z = x: 0, não é ' in shown
+    assert 'Z = x: 0, não foi lida: ' in shown
     assert "refused: line 3: kind 'newton' is unknown: toggle, grashof" in shown
 
 

@@ -42,6 +42,7 @@ PROGRAMS = [
     Program('track', calibrate, CALIBRATE),
     Program('prior', calibrate, ['track.csv', *CALIBRATE, '--prior']),
     Program('answers', exercise, ['mark', '--csv=marks.csv']),
+    Program('form', exercise, ['mark', '--gradebook=grades.csv']),
 ]
 for _form in ('html', 'moodle', 'prairielearn', 'notebook'):
     _arguments = ['make', '--kind=toggle', '-o', 'class', '--format', _form, '--students']

@@ -21,7 +21,7 @@ from klann_ros.datasheet import motor_from_file, MotorFileError
 from klann_ros.design import requirements_from, requirements_from_file, RequirementsError, State
 from klann_ros.design.search import StateError
 from klann_ros.exercises import ExerciseError
-from klann_ros.exercises.gradebook import Answers, read_students
+from klann_ros.exercises.gradebook import Answers, load_assignment, read_students
 from klann_ros.exercises.sheet import Assignment
 from klann_ros.kinematics import linkage_from_file, LinkageFileError
 from klann_ros.live.protocol import parse_message, ProtocolError
@@ -120,6 +120,12 @@ def _read_metadata(path):
         list(log.messages())
 
 
+def _read_assignment(path):
+    if path.is_symlink() or path.exists():
+        path.rename(path.parent / 'exercise.json')
+    load_assignment(path.parent)
+
+
 def _read_description(text):
     robot_from_parameters(described_solver(text, 0).without_files)
 
@@ -136,6 +142,7 @@ POPULATION = np.full((3, len(SEARCHED.space(0).names)), 0.5)
 POPULATIONS = (POPULATION, None, np.empty((0, 0)), POPULATION)
 STATE = State('key', 1, 960, POPULATIONS, (0.0, 0.5), ((0.0, 1.0), (0.1, 0.2)))
 SAMPLES['state'] = json.dumps(STATE.content())
+CLASS = Assignment({'toggle': 1.0, 'limits': 2.0}, {'0011': 'Ana', '0012': ''})
 LEG = robot_of('sem104').legs[0]
 READERS = {
     'robot': Reader(ROBOTS, '.yaml', hostile_yaml, robot_from_file, RobotFileError),
@@ -160,6 +167,8 @@ READERS = {
     'answers': _sample(
         'answers', '.csv', hostile_table, _of_name(Answers, Assignment(), {}), ExerciseError
     ),
+    'form': _sample('form', '.csv', hostile_table, _of_name(Answers, CLASS, {}), ExerciseError),
+    'assignment': _sample('assignment', '.json', hostile_json, _read_assignment, ExerciseError),
     'track': _sample(
         'track',
         '.csv',
