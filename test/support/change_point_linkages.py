@@ -65,6 +65,13 @@ def _kite_on_crank(alpha: Any) -> Any:
     return half * (0.05 * np.cos(alpha / 2.0) + np.sqrt(0.01 - (0.05 * np.sin(alpha / 2.0)) ** 2))
 
 
+def _platform(alpha: Any) -> Any:
+    # Its cranks are parallel to the rocker of the four-bar, and its links are carried along.
+    crank = 40e-3 * np.exp(1j * np.angle(_two_turns(alpha) - 0.08))
+    joining = (40 - 50j) / abs(40 - 50j)
+    return 0.1 + 0.02j + crank + 30e-3 * joining * np.exp(1j * np.radians(80.0))
+
+
 FEET: dict[str, ClosedForm] = {
     'parallelogram': lambda alpha: _on_pin(-0.08j, 0.04, alpha),
     'side_rod': lambda alpha: _on_pin(0.31, 0.03, alpha, 90.0),
@@ -76,6 +83,7 @@ FEET: dict[str, ClosedForm] = {
     'level_foot': _level_foot,
     'coupled_parallelogram': _coupled_parallelogram,
     'two_turns': _two_turns,
+    'platform_two_turns': _platform,
 }
 """The foot of each over any number of turns [m], by the crank angle [rad]."""
 

@@ -34,6 +34,9 @@ ITERATIONS = 6
 CROSSING_STEP = 0.002
 MAX_CROSSING_ERROR = 1e-4
 MAX_RATE_ERROR = 1e-2
+# Steps below which a change of the derivatives is sudden [rad], and their growth over some steps
+# towards the end of an arc.
+KINK_STEP, MAX_RATE_GROWTH = 1e-5, 2.0
 # The poses before it, and their weights at one step beyond it.
 _BEFORE = -np.arange(1.0, 9.0)
 _EXTRAPOLATION = np.linalg.inv(np.vander(_BEFORE, increasing=True)).sum(axis=0)
@@ -74,6 +77,8 @@ class Branch:
         # The turns after which all loops are back.
         self.period = 1
         self._linkage = linkage
+        bodies = linkage.structure.bodies[1:]
+        self._sizes = np.array([linkage.size if body.slides else 1.0 for body in bodies])
         self._functions_of = cache(partial(step_functions, linkage, tuple))
         self.change_points: list[ChangePoint] = []
         alpha, *x = start
@@ -175,7 +180,7 @@ class Branch:
             last = samples[-1]
             guess = last.predict(direction * length)
             sample = self._sample(last.alpha + direction * length, guess, last.signs)
-            if sample is not None:
+            if sample is not None and not self._has_kink(samples, sample):
                 samples.append(sample)
                 length = min(BRANCH_STEP, 2.0 * length)
                 continue
@@ -184,6 +189,20 @@ class Branch:
             if is_end and self._crosses and self._cross(samples, direction):
                 length = BRANCH_STEP
         return samples
+
+    def _has_kink(self, samples: Sequence[BranchSample], sample: BranchSample) -> bool:
+        """
+        Return whether a pose is on another branch, beyond a change point within rounding.
+
+        Its derivatives are others, but not far larger ones, as they are at the end of an arc.
+        """
+        last = samples[-1]
+        if not self._crosses or abs(sample.alpha - last.alpha) > KINK_STEP:
+            return False
+        before = samples[max(0, len(samples) - len(_BEFORE))]
+        rates = np.array([before.x_1, last.x_1, sample.x_1]) / self._sizes
+        is_end = np.abs(rates[2]).max() > MAX_RATE_GROWTH * np.abs(rates[0]).max()
+        return bool(np.abs(rates[2] - rates[1]).max() > MAX_RATE_ERROR and not is_end)
 
     def _cross(self, samples: list[BranchSample], direction: float) -> bool:
         """
@@ -207,17 +226,15 @@ class Branch:
         differences = self._linkage.coordinate_differences
         x = poses[0].x
         guess = np.array(x)
-        bodies = self._linkage.structure.bodies[1:]
-        sizes = np.array([self._linkage.size if body.slides else 1.0 for body in bodies])
-        guess += sizes * (_EXTRAPOLATION @ [differences(pose.x, x) for pose in poses])
+        guess += self._sizes * (_EXTRAPOLATION @ [differences(pose.x, x) for pose in poses])
         u = self._linkage.vectors(beyond, guess)
         after = tuple(1 if block.sine(u) > 0.0 else -1 for block in self._linkage.blocks)
         sample = self._sample(beyond, tuple(guess.tolist()), after)
         if sample is None:
             return False
-        error_1 = (np.array(sample.x_1) - _EXTRAPOLATION @ [pose.x_1 for pose in poses]) / sizes
+        error_1 = np.array(sample.x_1) - _EXTRAPOLATION @ [pose.x_1 for pose in poses]
         error = max(map(abs, differences(sample.x, guess.tolist())))
-        if error > MAX_CROSSING_ERROR or np.abs(error_1).max() > MAX_RATE_ERROR:
+        if error > MAX_CROSSING_ERROR or np.abs(error_1 / self._sizes).max() > MAX_RATE_ERROR:
             return False
         while abs(samples[-1].alpha - end) < 0.999 * CROSSING_STEP:
             samples.pop()

@@ -9,7 +9,9 @@ small steps by its velocity.
 import math
 from typing import Any
 
+from change_point_linkages import change_point_linkage, FEET
 from klann_ros.kinematics import (
+    foot_path,
     FourBar,
     GeometryError,
     Linkage,
@@ -338,6 +340,23 @@ def test_coupled_loops_go_on_through_their_change_points() -> None:
         for column, angle in ((1, 0.0), (4, 0.0), (5, 0.0), (7, shift)):
             assert apart(x[:, column], alphas + angle).max() <= 1e-11
     assert turns_fully(linkage)
+
+
+def test_coupled_loops_are_back_after_the_turns_of_what_drives_them() -> None:
+    linkage = change_point_linkage('platform_two_turns')
+    assert [block.is_dyad for block in linkage.blocks] == [True, False, True]
+    assert {point.block for point in linkage.change_points.points} == {1, 2, 3}
+    assert linkage.change_points.period == 2
+    assert turns_fully(linkage)
+    alphas = np.linspace(-6.0 * TURN, 6.0 * TURN, 403)
+    rocker = np.angle(FEET['two_turns'](alphas) - 0.08)
+    for x in poses_every_way(linkage, alphas):
+        for column, angle in ((1, 0.0), (4, 0.0), (5, 0.0), (7, math.radians(70.0))):
+            assert apart(x[:, column], rocker + angle).max() <= 1e-9
+    path = foot_path(LinkageLeg(linkage))
+    assert path.arcs == ((0.0, 2.0 * TURN),)
+    feet = FEET['platform_two_turns'](path.alphas)
+    assert np.abs(path.h @ (1.0, 1j) - feet).max() <= 1e-9
 
 
 def test_an_arc_of_coupled_loops_that_is_nearly_a_turn_is_no_overlap() -> None:
