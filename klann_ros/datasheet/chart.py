@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, degrees as to_degrees, floor, inf, isfinite, log10
 
+from klann_ros.kinematics.angles import enclosing_turns
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.web import element, joined, Markup
 import numpy as np
@@ -108,13 +109,14 @@ class Chart:
 
     @property
     def _angle_range(self) -> tuple[float, float]:
-        """Return the ends of the horizontal axis [deg]; a full turn ends at 360."""
+        """Return the ends of the horizontal axis [deg]; full turns end at multiples of 360."""
         if not self.angles.size:
             return 0.0, 360.0
         ends = np.degrees([self.angles.min(), self.angles.max()])
         step = np.degrees(np.diff(self.angles).max(initial=0.0))
-        is_turn = abs(ends[1] - ends[0] + step - 360.0) < 1e-6
-        return (0.0, 360.0) if is_turn else (float(ends[0]), float(ends[1]))
+        full_turns = 360.0 * enclosing_turns(self.angles)
+        is_closed = abs(ends[1] - ends[0] + step - full_turns) < 1e-6
+        return (0.0, full_turns) if is_closed else (float(ends[0]), float(ends[1]))
 
     def _height_range(self) -> tuple[float, float]:
         """Return the ends of the vertical axis: 0, the curves and limits not far from them."""
@@ -140,8 +142,8 @@ class Chart:
         indices = np.union1d(indices, [*steps, *steps + 1]).astype(int)
         degrees = np.degrees(self.angles)[indices].tolist()
         heights = line.heights[indices].tolist()
-        if self._angle_range == (0.0, 360.0):
-            degrees.append(360.0)
+        if frame.is_closed:
+            degrees.append(frame.x_1)
             heights.append(heights[0])
         min_gap = 5.0 * (frame.x_1 - frame.x_0) / _MAX_POINTS
         path = ''
@@ -181,6 +183,11 @@ class _Frame:
         fraction = (degrees - self.x_0) / (self.x_1 - self.x_0 or 1.0)
         return LEFT + fraction * (WIDTH - LEFT - RIGHT)
 
+    @property
+    def is_closed(self) -> bool:
+        """Return whether the angles are whole turns."""
+        return self.x_0 == 0.0 and self.x_1 % 360.0 == 0.0
+
     def y(self, height: float) -> float:
         fraction = (height - self.low) / (self.high - self.low)
         return HEIGHT - BOTTOM - fraction * (HEIGHT - TOP - BOTTOM)
@@ -205,12 +212,13 @@ def _multiples(step: float, first_factor: int, last_factor: int) -> list[float]:
 
 
 def _shade(frame: _Frame, start: float, end: float) -> Markup:
-    """Return the shade over angles [rad], which may extend beyond the turn."""
+    """Return the shade over angles [rad], which may extend beyond the turns."""
+    period = frame.x_1 if frame.is_closed else 360.0
     height = f'{HEIGHT - TOP - BOTTOM:.1f}'
     rectangles = []
-    for turn in (-360.0, 0.0, 360.0):
-        left = max(to_degrees(start) + turn, frame.x_0)
-        right = min(to_degrees(end) + turn, frame.x_1)
+    for shift in (-period, 0.0, period):
+        left = max(to_degrees(start) + shift, frame.x_0)
+        right = min(to_degrees(end) + shift, frame.x_1)
         if left < right:
             x = f'{frame.x(left):.1f}'
             width = f'{frame.x(right) - frame.x(left):.1f}'

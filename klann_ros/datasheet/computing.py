@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import pi
+from math import inf, pi
 from typing import Any, NamedTuple
 
 from klann_ros.dynamics import BodyMass, Dynamics, GRAVITY, Masses, Reactions
@@ -52,6 +52,10 @@ MIN_WALKING_LEGS = 3
 MAX_WALKING_LEGS = 24
 # A sheet takes a time proportional to the legs that differ.
 MAX_SHEET_LEGS = 100
+# Distances from change points at which forces are compared [rad]: those that grow without bound
+# towards them double from the far to the near one.
+NEAR, FAR = 1e-3, 2e-3
+MIN_GROWTH = 1.5
 COUPLED = 'of coupled loops they take seconds: --margins'
 
 
@@ -191,12 +195,14 @@ def _crank_sheet(options: _SheetOptions, joint: str, sheets: Mapping[str, LegShe
         return crank_sheet
     loaded_legs: list[LoadedLeg] = []
     load_steps = []
+    turns = max(leg.linkage.change_points.period for leg in legs)
     for leg in legs:
         stance = sheets[leg.name].stance
         loaded_legs.append(LoadedLeg(leg, _dynamics(robot, leg), stance))
         if options.load and stance:
-            load_steps.append(leg.direction * (stance.start - leg.phase))
-            load_steps.append(leg.direction * (stance.end - leg.phase))
+            for turn in range(turns):
+                load_steps.append(leg.direction * (stance.start - leg.phase) + TURN * turn)
+                load_steps.append(leg.direction * (stance.end - leg.phase) + TURN * turn)
     has_masses = all(leg.masses is not None for leg in legs)
 
     def loads(angles: FloatArray) -> tuple[CrankLoad | None, CrankLoad | None]:
@@ -205,7 +211,7 @@ def _crank_sheet(options: _SheetOptions, joint: str, sheets: Mapping[str, LegShe
         full = crank_load(loaded_legs, options.load, angles) if options.load else None
         return empty, full
 
-    angles = turn_angles(options.samples, load_steps)
+    angles = turn_angles(options.samples, load_steps, turns)
     curves: list[FloatArray] = []
     for load in loads(angles):
         if load:
@@ -244,7 +250,7 @@ def _leg_sheet(options: _SheetOptions, legs: Sequence[RobotLeg]) -> LegSheet:
     path, stance, no_stance = _path(linkage)
     if turns:
         load_steps = (stance.start, stance.end) if load and stance else ()
-        alphas = turn_angles(options.samples, load_steps)
+        alphas = turn_angles(options.samples, load_steps, linkage.change_points.period)
     else:
         alphas = _arc_angles(arcs, options.samples)
     bars, no_margins = _bars(linkage, turns=turns, margins=options.margins)
@@ -355,12 +361,27 @@ def _forces(dynamics: Dynamics, sheet: LegSheet, speed: float, load: float) -> L
     alphas = sheet.alphas
     loads = foot_load(sheet.linkage.structure.foot, sheet.stance, alphas, load)
     torque = dynamics.crank_torque(alphas, speed, 0.0, loads)
-    reactions = dynamics.reactions(alphas, speed, 0.0, loads)
-    return LegForces(torque, tuple(_joints(sheet, reactions)))
+    joints = _joints(sheet, dynamics.reactions(alphas, speed, 0.0, loads), alphas)
+    change_angles = np.unique([point.beta for point in sheet.linkage.change_points.points])
+    if not len(change_angles):
+        return LegForces(torque, tuple(joints))
+
+    def forces_beside(distance: float) -> FloatArray:
+        """Return the forces of all joints at a distance from each change point [rad]."""
+        beside = change_angles + distance
+        beside_loads = foot_load(sheet.linkage.structure.foot, sheet.stance, beside, load)
+        reactions = dynamics.reactions(beside, speed, 0.0, beside_loads)
+        return np.array([joint.force for joint in _joints(sheet, reactions, beside)])
+
+    grows = forces_beside(NEAR) > MIN_GROWTH * forces_beside(FAR)
+    grows |= forces_beside(-NEAR) > MIN_GROWTH * forces_beside(-FAR)
+    for n in np.flatnonzero(grows.any(axis=1)).tolist():
+        angle = float(change_angles[grows[n].argmax()])
+        joints[n] = joints[n]._replace(greatest=Extreme(inf, angle))
+    return LegForces(torque, tuple(joints))
 
 
-def _joints(sheet: LegSheet, reactions: Reactions) -> list[JointForce]:
-    alphas = sheet.alphas
+def _joints(sheet: LegSheet, reactions: Reactions, alphas: FloatArray) -> list[JointForce]:
     joints = []
     for point in sheet.linkage.structure.points:
         forces = [np.abs(force) for (name, _), force in reactions.pins.items() if name == point]

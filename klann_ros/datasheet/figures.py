@@ -129,8 +129,11 @@ def foot_figures(leg: LegSheet, speed: float) -> Iterator[Figure]:
         yield Figure('Path', mm_text(path.length), 'mm', 'its length')
     if stance is None:
         return
-    angles = f'crank {_span(degrees_text(stance.start), degrees_text(stance.end % TURN))} deg'
-    yield Figure('Stance', f'{100.0 * stance.duty_factor:.1f}', '%', f'of the turn, {angles}')
+    end_text = degrees_text(stance.end % stance.period)
+    turns = round(stance.period / TURN)
+    period = 'the turn' if turns == 1 else f'{turns} turns'
+    angles = f'crank {_span(degrees_text(stance.start), end_text)} deg'
+    yield Figure('Stance', f'{100.0 * stance.duty_factor:.1f}', '%', f'of {period}, {angles}')
     band = mm_text(_zero(stance.ground, stance.ground_covered))
     ground = f'within {band} mm above the lowest point'
     yield Figure('Ground covered', mm_text(stance.ground_covered), 'mm', ground)
@@ -223,7 +226,11 @@ def joint_force_table(leg: LegSheet) -> FigureTable:
         moments = [joint.moment for joint in joint_cases if joint.moment is not None]
         if moments:
             lines.append((f'{name}: moment / N m', *_peaks(moments)))
-    return FigureTable('Joint reactions', tuple(heads), tuple(lines), 'The largest of a turn.')
+    peaks = [joint.greatest.value for joints in joints_of_cases for joint in joints]
+    note = 'The largest of a turn.'
+    if inf in peaks:
+        note += f' {UNKNOWN_VALUE}: it grows without bound towards a change point.'
+    return FigureTable('Joint reactions', tuple(heads), tuple(lines), note)
 
 
 def _peaks(extremes: Sequence[Extreme]) -> list[str]:

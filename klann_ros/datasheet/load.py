@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from klann_ros.dynamics import Dynamics, TurnOfForces
 from klann_ros.kinematics import Stance
-from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.angles import enclosing_turns, TURN
 from klann_ros.kinematics.arrays import BoolArray, FloatArray
 from klann_ros.robot import RobotLeg
 import numpy as np
@@ -30,7 +30,7 @@ class LoadedLeg(NamedTuple):
 class CrankLoad(NamedTuple):
     """The torque T = G + S w^2 at the joint of a crank at a constant speed w, shapes (k,)."""
 
-    angles: FloatArray  #: of the joint over a turn, ascending, in [0, 2 pi) [rad]
+    angles: FloatArray  #: of the joint over a turn, or several, from 0, ascending [rad]
     static_torque: FloatArray  #: G: of weight, springs and the load on the foot [N m]
     per_speed_squared: FloatArray  #: S: of inertia [N m s^2]
 
@@ -45,7 +45,7 @@ class CrankLoad(NamedTuple):
 
 def on_the_ground(stance: Stance, alphas: FloatArray) -> BoolArray:
     """Return whether the foot is on the ground at crank angles [rad], shape (k,)."""
-    stands: BoolArray = (alphas - stance.start) % TURN <= stance.end - stance.start
+    stands: BoolArray = (alphas - stance.start) % stance.period <= stance.end - stance.start
     return stands
 
 
@@ -60,31 +60,33 @@ def foot_load(
     return {foot: (0.0, reaction)}  # type: ignore[dict-item]
 
 
-def turn_angles(samples: int, edges: Iterable[float] = ()) -> FloatArray:
+def turn_angles(samples: int, edges: Iterable[float] = (), turns: int = 1) -> FloatArray:
     """
-    Return sampled angles of a turn, ascending [rad]: uniform from 0, and both sides of edges.
+    Return sampled angles of turns, ascending [rad]: uniform from 0, and both sides of edges.
 
     The load steps at an edge, so a curve may have its peak there.
     """
-    uniform = TURN * np.arange(samples) / samples
+    span = TURN * turns
+    uniform = TURN * np.arange(samples * turns) / samples
     edges = np.array([*edges])
     return np.unique(
-        np.concatenate([uniform, (edges - EDGE_OFFSET) % TURN, (edges + EDGE_OFFSET) % TURN])
+        np.concatenate([uniform, (edges - EDGE_OFFSET) % span, (edges + EDGE_OFFSET) % span])
     )
 
 
 def with_extremes(angles: FloatArray, curves: Iterable[FloatArray]) -> FloatArray:
-    """Return angles of a turn [rad] with more of them beside the extremes of curves."""
-    padded = np.concatenate([[angles[-1] - TURN], angles, [angles[0] + TURN]])
+    """Return angles of whole turns [rad] with more of them beside the extremes of curves."""
+    turn = TURN * enclosing_turns(angles)
+    padded = np.concatenate([[angles[-1] - turn], angles, [angles[0] + turn]])
     peaks = set()
     for curve in curves:
-        span = np.ptp(curve)
+        curve_range = np.ptp(curve)
         for upright in (curve, -curve):
             is_peak = (upright >= np.roll(upright, 1)) & (upright >= np.roll(upright, -1))
-            is_near_top = upright > upright.max() - EXTREME_PART * span
+            is_near_top = upright > upright.max() - EXTREME_PART * curve_range
             peaks.update(np.flatnonzero(is_peak & is_near_top).tolist())
     refined = [np.linspace(padded[k], padded[k + 2], EXTREME_SAMPLES + 2)[1:-1] for k in peaks]
-    return np.unique(np.concatenate([angles, *refined]) % TURN)
+    return np.unique(np.concatenate([angles, *refined]) % turn)
 
 
 def crank_load(legs: Sequence[LoadedLeg], load: float, angles: FloatArray) -> CrankLoad:

@@ -52,7 +52,8 @@ def _animation(leg: LegSheet, speed: float) -> dict[str, Any]:
     frames = np.arange(0, len(leg.alphas), max(1, len(leg.alphas) // POSES))
     if leg.turns_fully:
         # Uniform: the samples are denser at extremes.
-        uniform = np.linspace(0.0, TURN, POSES, endpoint=False) - EDGE_OFFSET
+        turns = leg.linkage.change_points.period
+        uniform = TURN * np.arange(POSES * turns) / POSES - EDGE_OFFSET
         frames = np.unique(np.searchsorted(leg.alphas, uniform) % len(leg.alphas))
     frames = frames[is_solved[frames]]
     stands = np.zeros(is_solved.shape, bool)
@@ -66,7 +67,7 @@ def _animation(leg: LegSheet, speed: float) -> dict[str, Any]:
     return {
         'shape': shape,
         'foot': leg.linkage.foot,
-        'isTurn': leg.turns_fully,
+        'turns': leg.linkage.change_points.period if leg.turns_fully else 0,
         'isClockwise': speed < 0.0,
         'angles': np.degrees(leg.alphas[frames]).round(4).tolist(),
         'points': np.reshape(rounded, coordinates.shape).tolist(),

@@ -60,7 +60,8 @@ class JointForce(NamedTuple):
     The force of a joint, a pin's point or a sliding body, over the turn.
 
     `force`, shape (k,), is its magnitude at the leg's crank angles, on the body with the largest
-    one, and `greatest` the largest [N]; `moment` is the largest on a sliding body [N m].
+    one, and `greatest` the largest [N], infinite if it grows without bound towards a change point;
+    `moment` is the largest on a sliding body [N m].
     """
 
     name: str

@@ -14,7 +14,6 @@ Mechanisms, the chapters on dynamic force analysis.)
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from math import pi
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import (
@@ -25,9 +24,10 @@ from klann_ros.kinematics import (
     Linkage,
     LinkageLeg,
     PartialTurnError,
-    reachable_arcs,
+    path_arcs,
     real_array,
 )
+from klann_ros.kinematics.angles import enclosing_turns, TURN
 from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 from klann_ros.sanitize.text import refusal
 import numpy as np
@@ -49,9 +49,9 @@ class TurnOfForces(NamedTuple):
     """
     Torque and power over a turn of the crank at constant speed.
 
-    `alphas`, shape (k,), are ascending crank angles in [0, 2 pi) [rad], `rate` is the crank's
-    [rad/s], `torque`, shape (k,), acts at the crank, positive where it drives counter-clockwise
-    [N m].
+    `alphas`, shape (k,), are ascending crank angles of a turn from 0, or of the turns after which
+    a linkage with change points is back [rad], `rate` is the crank's [rad/s], `torque`, shape
+    (k,), acts at the crank, positive where it drives counter-clockwise [N m].
     """
 
     alphas: FloatArray
@@ -110,9 +110,10 @@ class TurnOfForces(NamedTuple):
 
 
 def turn_mean(alphas: FloatArray, curve: FloatArray) -> float:
-    """Return the mean of a curve over a turn's ascending angles [rad], by the trapezoidal rule."""
-    steps = np.diff(alphas, append=alphas[0] + 2.0 * pi)
-    return float((steps * (curve + np.roll(curve, -1))).sum() / (4.0 * pi))
+    """Return the mean of a curve over whole turns' ascending angles [rad], by trapezoids."""
+    span = TURN * enclosing_turns(alphas)
+    steps = np.diff(alphas, append=alphas[0] + span)
+    return float((steps * (curve + np.roll(curve, -1))).sum() / (2.0 * span))
 
 
 class Dynamics:
@@ -243,10 +244,12 @@ class Dynamics:
 
         """
         check_rate('alpha_rate', alpha_rate)
-        arcs = reachable_arcs(self.linkage)
-        if arcs != [(0.0, 2.0 * pi)]:
+        arcs = path_arcs(self.linkage)
+        start, end = arcs[0] if arcs else (0.0, 0.0)
+        if end - start < TURN:
             raise PartialTurnError(arcs)
-        alphas = 2.0 * pi * np.arange(samples) / samples
+        turns = round(end / TURN)
+        alphas = TURN * np.arange(samples * turns) / samples
         return TurnOfForces(
             alphas, float(alpha_rate), self.crank_torque(alphas, alpha_rate, 0.0, loads)
         )

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
-from klann_ros.kinematics import body_points, FIXED, Linkage, linkage_poses, reachable_arcs
-from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics import body_points, FIXED, Linkage, linkage_poses, path_arcs
+from klann_ros.kinematics.angles import Arc, TURN
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
@@ -73,7 +73,7 @@ def crank_angles(linkage: Linkage, count: int) -> FloatArray:
     """
     arcs = _arcs(linkage)
     shares = np.linspace(0.0, 1.0, count)
-    if arcs[:1] != ((0.0, TURN * linkage.change_points.period),):
+    if arcs[:1] != [(0.0, TURN * linkage.change_points.period)]:
         shares = (1.0 - np.cos(np.pi * shares)) / 2.0
     angles = [start + (end - start) * shares for start, end in arcs]
     return np.concatenate([np.empty(0), *angles])
@@ -81,7 +81,5 @@ def crank_angles(linkage: Linkage, count: int) -> FloatArray:
 
 # With sliding bodies the search takes some tenths of a second.
 @lru_cache(maxsize=32)
-def _arcs(linkage: Linkage) -> tuple[tuple[float, float], ...]:
-    arcs = tuple(reachable_arcs(linkage))
-    # After change points it may be back only after several turns.
-    return ((0.0, TURN * linkage.change_points.period),) if arcs == ((0.0, TURN),) else arcs
+def _arcs(linkage: Linkage) -> list[Arc]:
+    return path_arcs(linkage)

@@ -86,6 +86,11 @@ class Feet:
                 raise NoWalkerError(
                     f'{leg.name or "the leg"} does not turn fully, so it cannot walk'
                 )
+            if leg.linkage.change_points.period > 1:
+                raise NoWalkerError(
+                    f'{leg.name or "the leg"} is back only after several turns of its crank, so '
+                    f'the angles of cranks do not tell where it is'
+                )
         self._tables = _LegTables(robot, foot_radius)
         body = robot.body or WalkerBody(0.0, (0.0, 0.0, 0.0))
         masses = [leg.masses.total if leg.masses else 0.0 for leg in robot.legs]

@@ -22,7 +22,7 @@ Geometry               `KlannGeometry`, `FourBarGeometry`, `Linkage`; `shipped_l
                        `shipped_linkages`, `linkage_from_file`, `linkage_from_text`
 Results                `KlannPose`, `FourBarPose`, `LinkagePose`, their motions;
                        `Iterations`, `LegTable` of `table`
-Assembly modes         `assemblies`, `assembly_poses`, `reachable_arcs`
+Assembly modes         `assemblies`, `assembly_poses`, `reachable_arcs`, `path_arcs`
 The foot               `foot_path`: `FootPath`, `Stance`, `Nearest`
 Batches                `linkage_poses`, `klann_poses`: `LinkagePoses`, `Reason`;
                        `Variants`
@@ -134,7 +134,7 @@ if TYPE_CHECKING:
     from .linkage.leg import AnyLeg, Leg, LinkageLeg
     from .linkage.linkage import as_linkage, Linkage
     from .linkage.pose import LinkageMotion, LinkagePose
-    from .linkage.reach import crank_limits, reachable_arcs
+    from .linkage.reach import crank_limits, path_arcs, reachable_arcs
     from .linkage.structure import Bar, FIXED, GROUND, Structure
     from .linkage.variants import Variants
     from .newton import Iterations

@@ -1,10 +1,11 @@
 """Angles: modulo a turn, in other units, and the yaw of an orientation."""
 
-from math import atan2, degrees, nan, pi, radians, remainder
+from math import atan2, ceil, degrees, nan, pi, radians, remainder
 from typing import Any, SupportsFloat
 
 from klann_ros.sanitize.units import warn_of_degrees
 
+from .arrays import FloatArray
 from .errors import CrankAngleError
 
 # Start and end of an arc of crank angles [rad].
@@ -27,6 +28,11 @@ def wrap(angle: float) -> float:
         return angle
     wrapped = remainder(angle, TURN)
     return pi if wrapped == -pi else wrapped
+
+
+def enclosing_turns(angles: FloatArray) -> int:
+    """Return the number of whole turns over which ascending angles are sampled [rad]."""
+    return max(1, ceil(float(angles[-1] - angles[0]) / TURN))
 
 
 def yaw_of(x: float, y: float, z: float, w: float) -> float:

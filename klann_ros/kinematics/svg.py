@@ -73,7 +73,7 @@ def animation_svg(leg: Any, *, period: float = 4.0) -> str:
     leg : leg
         The leg; its last pose is kept.
     period : float
-        Time of a turn [s].
+        Time of a turn [s]; a linkage with change points may be back only after several.
 
     Raises
     ------
@@ -86,12 +86,13 @@ def animation_svg(leg: Any, *, period: float = 4.0) -> str:
     arcs = _solved_arcs(leg)
     if not arcs:
         raise ValueError('the leg reaches no crank angle')
-    start, end = leg.reachable_arcs()[0]
+    start, end = leg.path_arcs()[0]
     poses = arcs[0] if end - start >= TURN else [*arcs[0], *arcs[0][::-1]]
+    duration = period * max(1, round((end - start) / TURN))
     view = _View([_feet(poses), *(pose.points for pose in poses)])
     shapes = [_polyline(view.points(_feet(arcs[0])), **_PATH)]
     frames = [[*_frame(PoseDrawing.of(pose), view)] for pose in poses]
-    shapes += [_animation(shape, period) for shape in zip(*frames, strict=True)]
+    shapes += [_animation(shape, duration) for shape in zip(*frames, strict=True)]
     return view.svg(shapes, f'{leg.linkage.name or "linkage"}: a turn of the crank')
 
 
@@ -141,8 +142,8 @@ def _solved_arcs(leg: Any) -> list[list[Any]]:
     leg_copy = copy(leg)
     leg_copy.reset()
     arcs = []
-    for start, end in leg.reachable_arcs():
-        progress = np.linspace(0.0, 1.0, SAMPLES + 1)
+    for start, end in leg.path_arcs():
+        progress = np.linspace(0.0, 1.0, SAMPLES * max(1, round((end - start) / TURN)) + 1)
         if end - start < TURN:
             # Near its ends, the dead points, a path is fastest.
             progress = 0.5 - 0.5 * (1.0 - 1e-6) * np.cos(np.pi * progress)

@@ -84,6 +84,8 @@ def plot_turn(linkage: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -
     """
     Draw a quantity over a turn of the crank, or over its reachable arcs.
 
+    A linkage with change points that is back after several turns has them all.
+
     Parameters
     ----------
     linkage : Linkage, KlannGeometry, FourBarGeometry or leg
@@ -116,7 +118,7 @@ def plot_turn(linkage: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -
     curves = quantity.curves(leg)
     if not curves:
         raise ValueError(f'what = {what!r} is refused: the linkage has no {what}')
-    arcs = leg.reachable_arcs()
+    arcs = leg.path_arcs()
     if not arcs:
         raise NoFootPathError
     alphas, numbers = _over_arcs(leg, quantity, arcs, unwrapped=what == 'angles')
@@ -132,8 +134,8 @@ def plot_turn(linkage: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -
     unit = leg.linkage.structure.unit if quantity.unit == 'm' else quantity.unit
     ax.set(xlabel=f'{symbol(leg.joint_names[0])} / {DEG}', ylabel=axis_label(label, unit))
     ax.xaxis.set_major_locator(MaxNLocator('auto', steps=[1, 3, 4.5, 6, 9, 10]))
-    if arcs == [(0.0, TURN)]:
-        ax.set(xlim=(0.0, 360.0))
+    if arcs[0][1] - arcs[0][0] >= TURN:
+        ax.set(xlim=np.degrees(arcs[0]))
     grid(ax)
     return ax
 

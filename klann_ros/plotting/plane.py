@@ -324,14 +324,15 @@ def _closed_path(path: FootPath) -> FloatArray:
 
 
 def _crank_angles(leg: AnyLeg, count: int) -> list[float]:
-    """Return crank angles of a turn from 0, or of an arc, back and forth."""
-    arcs = leg.reachable_arcs()
+    """Return crank angles of a turn from 0, or several, or of an arc, back and forth."""
+    arcs = leg.path_arcs()
     if not arcs:
         raise NoFootPathError
     start, end = arcs[0]
-    angles = TURN / count * np.arange(count)
+    shares = np.arange(count) / count
     if end - start < TURN:
-        angles = start + (end - start) * (1.0 - np.cos(angles)) / 2.0
+        shares = (1.0 - np.cos(TURN * shares)) / 2.0
+    angles = start + (end - start) * shares
     crank_angles: list[float] = angles.tolist()
     return crank_angles
 

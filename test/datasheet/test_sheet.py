@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 import json
-from math import pi
+from math import inf, pi
 from pathlib import Path
 import re
 
+from change_point_linkages import change_point_file, FEET
 from klann_ros.datasheet import data_sheet, DataSheet, Motor, SheetError
+from klann_ros.datasheet.figures import joint_force_table
 from klann_ros.datasheet.json_report import report
 from klann_ros.datasheet.page import page
 from klann_ros.datasheet.sheet import cases
@@ -49,6 +51,46 @@ def test_the_torque_is_that_of_an_actuator(
     (crank,) = data_sheet(sem, speed=speed).cranks
     assert crank.empty.torque.min() == pytest.approx(min_torque, rel=ripple)
     assert crank.empty.torque.max() == pytest.approx(max_torque, rel=ripple)
+
+
+def test_a_sheet_has_all_turns_until_the_linkage_is_back() -> None:
+    name = str(change_point_file('two_turns'))
+    full = data_sheet(weighed(robot_of(name)), load=2.0)
+    (leg,) = full.legs
+    (crank,) = full.cranks
+    for angles in (leg.alphas, crank.loaded.alphas):
+        assert 2.0 * TURN - 0.1 < angles[-1] < 2.0 * TURN
+    stance = leg.stance
+    assert stance.period == 2.0 * TURN
+    # It is lowest once in both turns, where the other turn has its highest point.
+    feet = FEET['two_turns'](leg.alphas)
+    is_low = feet.imag <= feet.imag.min() + stance.ground
+    is_backward = np.sign(np.gradient(feet.real, leg.alphas)) == stance.direction
+    share = np.ptp(leg.alphas[is_low & is_backward]) / (2.0 * TURN)
+    assert stance.duty_factor == pytest.approx(share, abs=2e-3)
+    # The work of the load is that of the foot on the ground.
+    difference = crank.loaded.mean - crank.empty.mean
+    ends = FEET['two_turns'](np.array([stance.start, stance.end])).imag
+    assert difference * 2.0 * TURN == pytest.approx(-2.0 * (ends[1] - ends[0]), abs=2e-4)
+    assert 'of 2 turns' in page(full)
+
+
+@pytest.mark.parametrize(
+    ('name', 'unbounded'),
+    [
+        ('parallelogram', 'ABCD'),
+        ('two_turns', 'ABCD'),
+        ('level_foot', 'DEFG'),
+        ('slotted_arm', ''),
+        ('cardan', ''),
+        ('four_bar', ''),
+    ],
+)
+def test_forces_that_grow_without_bound_are_no_number(name: str, unbounded: str) -> None:
+    (leg,) = data_sheet(weighed(robot_of(str(change_point_file(name))))).legs
+    infinite = {joint.name for joint in leg.empty.joints if joint.greatest.value == inf}
+    assert infinite == {*unbounded}
+    assert ('without bound' in joint_force_table(leg).note) == bool(unbounded)
 
 
 def test_the_motion_is_that_of_the_kinematics(sheet: DataSheet) -> None:

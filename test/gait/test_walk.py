@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import pi
 from pathlib import Path
 
+from change_point_linkages import change_point_linkage
 from hypothesis import example, given, settings, strategies as st
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet, GaitFigures, NoWalkerError, walk_figures
@@ -349,6 +350,13 @@ def test_round_soles_roll_without_sliding(six: Robot) -> None:
 def test_one_leg_is_refused_as_a_walker(name: str) -> None:
     with pytest.raises(NoWalkerError, match=f'{name}.* is no walker: it has 1 leg'):
         walk_figures(robot_of(name))
+
+
+def test_legs_of_several_turns_are_refused(six: Robot) -> None:
+    linkage = change_point_linkage('two_turns')
+    legs = tuple(replace(leg, linkage=linkage, masses=None) for leg in six.legs)
+    with pytest.raises(NoWalkerError, match='is back only after several turns of its crank'):
+        Feet(replace(six, legs=legs))
 
 
 def test_legs_that_drive_to_the_sides_only_are_refused(six: Robot) -> None:

@@ -3,6 +3,7 @@
 import math
 from xml.etree import ElementTree as ET
 
+from change_point_linkages import change_point_linkage
 from klann_ros.kinematics import (
     foot_path,
     FourBar,
@@ -40,6 +41,17 @@ def test_a_leg_is_drawn_with_its_joints_and_keeps_its_pose(name: str) -> None:
     assert {
         len(animation.attrib['values'].split(';')) for animation in moving.iter(SVG + 'animate')
     } in ({91}, {182})
+
+
+def test_an_animation_has_all_turns_until_the_leg_is_back() -> None:
+    leg = LinkageLeg(change_point_linkage('two_turns'))
+    moving = ET.fromstring(animation_svg(leg))  # noqa: S314 - our own
+    pin, *_ = moving.iter(SVG + 'animate')
+    assert pin.attrib['dur'] == '8s'
+    assert len(pin.attrib['values'].split(';')) == 181
+    path = next(moving.iter(SVG + 'polyline')).attrib['points'].split()
+    # After one turn it is elsewhere, after both where it was.
+    assert path[0] == path[-1] != path[90]
 
 
 def test_points_are_where_the_pose_has_them_up_to_one_scale() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import subprocess
 import sys
 
+from change_point_linkages import change_point_linkage, FEET
 import klann_ros
 from klann_ros import plotting
 from klann_ros.kinematics import (
@@ -23,6 +24,7 @@ from klann_ros.kinematics import (
     UnreachableError,
 )
 from klann_ros.kinematics.drawing import PoseDrawing
+from klann_ros.plotting import plane
 from klann_ros.plotting.plane import draw_angles, PoseArtists
 import matplotlib as mpl
 from matplotlib.figure import Figure
@@ -221,6 +223,16 @@ def test_a_turn_shows_a_quantity_of_the_poses(leg: AnyLeg, quantity: str) -> Non
             assert np.abs(difference).max() < 1e-12
         else:
             assert curve == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+def test_a_linkage_of_several_turns_has_them_all() -> None:
+    linkage = change_point_linkage('two_turns')
+    axes = plotting.plot_turn(linkage, 'foot')
+    assert axes.get_xlim() == (0.0, 720.0)
+    alphas, x = axes.get_lines()[0].get_data()
+    np.testing.assert_allclose(x, FEET['two_turns'](np.radians(alphas)).real, atol=1e-9)
+    middle = plane._crank_angles(LinkageLeg(linkage), 8)[4]
+    assert middle == pytest.approx(2.0 * math.pi)
 
 
 def test_a_crank_that_does_not_turn_fully_has_its_arc() -> None:

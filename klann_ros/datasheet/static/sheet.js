@@ -10,6 +10,8 @@ class LegView {
   constructor(figure, data) {
     this.data = data;
     this.count = data.angles.length;
+    // A crank that does not turn fully has no turns.
+    this.duration = TURN_TIME * Math.max(1, data.turns);
     this.part = OPENED_AT;
     this.way = data.isClockwise ? -1 : 1;
     this.isPlaying = false;
@@ -29,11 +31,11 @@ class LegView {
   }
 
   draw(svg) {
-    const { points, stands, foot, isTurn, shape } = this.data;
+    const { points, stands, foot, turns, shape } = this.data;
     this.drawing = new Drawing(svg, planeAround(points.flat()));
     const feet = points.map((pose) => pose[foot]);
-    this.drawing.add('path', 'own-path').setAttribute('d', this.drawing.line(feet, isTurn));
-    const last = isTurn ? [[...feet, feet[0]], [...stands, stands[0]]] : [feet, stands];
+    this.drawing.add('path', 'own-path').setAttribute('d', this.drawing.line(feet, turns > 0));
+    const last = turns ? [[...feet, feet[0]], [...stands, stands[0]]] : [feet, stands];
     const onGround = last[0].map((at, i) => (last[1][i] ? at : null));
     this.drawing.add('path', 'trail').setAttribute('d', this.drawing.line(onGround));
     this.leg = new DrawnLeg(this.drawing, shape);
@@ -58,7 +60,7 @@ class LegView {
     let last = null;
     const frame = (now) => {
       if (!this.isPlaying) return;
-      if (last !== null) this.advance((this.way * (now - last)) / TURN_TIME);
+      if (last !== null) this.advance((this.way * (now - last)) / this.duration);
       last = now;
       requestAnimationFrame(frame);
     };
@@ -69,7 +71,7 @@ class LegView {
   advance(step) {
     const part = this.part + step;
     if (part >= 0 && part < 1) this.go(part);
-    else if (this.data.isTurn) this.go(part - Math.floor(part));
+    else if (this.data.turns) this.go(part - Math.floor(part));
     else this.way = part < 0 ? 1 : -1;
   }
 }

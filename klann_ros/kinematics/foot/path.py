@@ -141,7 +141,7 @@ class FootPath:
         Raises
         ------
         NoStanceError
-            The foot does not move along x, but for rounding, or is back after several turns.
+            The foot does not move along x, but for rounding.
         ValueError
             `ground` is not finite, or not above rounding: 1e-12 of the leg's size, or 1e-8 where
             the crank does not turn fully.
@@ -154,8 +154,6 @@ class FootPath:
             unit = f' {self.unit}'.rstrip()
             limit = f'it must be finite and at least {rounding:.3g}{unit}'
             raise ValueError(f'ground = {ground!r}{unit} is refused: {limit}')
-        if self._width > TURN:
-            raise NoStanceError(self.stride, round(self._width / TURN))
         if self.stride < rounding:
             raise NoStanceError(self.stride)
         return stances(self._tracks, ground, ROUNDING * self._size)
@@ -260,9 +258,9 @@ def foot_path(
     tracked_leg = copy(leg) if point is None else LinkageLeg(_with_foot(leg, point))
     tracked_leg.reset()
     tracks = []
-    turns = tracked_leg.linkage.change_points.period if hasattr(leg, 'linkage') else 1
-    for start, turn_end in tracked_leg.reachable_arcs():
-        end = turns * TURN if turn_end - start >= TURN else turn_end
+    has_path = hasattr(tracked_leg, 'path_arcs')
+    arcs = tracked_leg.path_arcs() if has_path else tracked_leg.reachable_arcs()
+    for start, end in arcs:
         share = round(samples * (end - start) / TURN)
         track = Track(tracked_leg, Span(start, end), max(MIN_SAMPLES, share))
         if len(track.t) > 1:
@@ -274,8 +272,8 @@ def foot_path(
     h_1 = np.concatenate([track.h_1 for track in tracks])
     for array in (alphas, h, h_1):
         array.setflags(write=False)
-    arcs = tuple((track.span.start, track.span.end) for track in tracks)
-    return FootPath(alphas, h, h_1, arcs, tuple(tracks))
+    solved_arcs = tuple((track.span.start, track.span.end) for track in tracks)
+    return FootPath(alphas, h, h_1, solved_arcs, tuple(tracks))
 
 
 def _arc_length(track: Track) -> float:

@@ -31,18 +31,11 @@ EXCHANGES = 4
 
 @dataclass(eq=False, repr=False)
 class NoStanceError(KinematicsError):
-    """
-    A foot that does not move along x, or that is back after several turns of the crank.
-
-    `stride` is the path's extent along x [m].
-    """
+    """A foot that does not move along x; `stride` is the path's extent along x [m]."""
 
     stride: float
-    turns: int = 1
 
     def __str__(self) -> str:
-        if self.turns > 1:
-            return f'there is no stance of a turn: the foot is back after {self.turns} turns'
         return f'there is no stance: the foot does not move along x (stride {self.stride:.3g})'
 
 
@@ -57,16 +50,17 @@ class StanceFigures(Generic[Number]):
     speed_mean: Number
     speed_least: Number
     speed_greatest: Number
+    period: float = TURN
 
     @property
     def duty_factor(self) -> Number:
-        """Return the fraction of a turn in contact with the ground."""
-        return (self.end - self.start) / TURN
+        """Return the fraction of a period in contact with the ground."""
+        return (self.end - self.start) / self.period
 
     @property
     def mid_swing(self) -> Number:
         """Return the crank angle halfway between the end and the next start [rad]."""
-        return (self.start + self.end + TURN) / 2.0
+        return (self.start + self.end + self.period) / 2.0
 
     @property
     def straightness(self) -> Number:
@@ -95,7 +89,10 @@ class Stance(StanceFigures[float]):
     Attributes
     ----------
     start, end : float
-        Crank angles, start in [0, 2 pi), start < end [rad].
+        Crank angles, start in [0, period), start < end [rad].
+    period : float
+        The crank's rotation after which the foot is back: a turn, or several of a linkage with
+        change points, whose crank angles count with their turns [rad].
     direction : int
         The sign of dx/dalpha.
     ground : float
@@ -111,7 +108,7 @@ class Stance(StanceFigures[float]):
         `|dx/dalpha|` [m/rad]. The least is 0 if the foot reverses at an end of the stance, the
         greatest infinite at an end of the crank's arc.
     duty_factor : float
-        The fraction of a turn in contact with the ground.
+        The fraction of a period in contact with the ground.
     mid_swing : float
         The crank angle halfway between the end and the next start [rad].
     straightness : float
@@ -215,11 +212,13 @@ def _stance(contact: _Contact, ground: float) -> Stance:
     track, t_0, t_1, sign, _ = contact
     start = track.span.alpha(t_0)
     duration = track.span.alpha(t_1) - start
+    period = max(TURN, track.span.end - track.span.start)
     ground_covered = abs(_advance(contact))
     min_speed, max_speed = slope_range(track, X, t_0, t_1)
     return Stance(
-        start=start % TURN,
-        end=start % TURN + duration,
+        start=start % period,
+        end=start % period + duration,
+        period=period,
         direction=sign,
         ground=ground,
         ground_covered=ground_covered,

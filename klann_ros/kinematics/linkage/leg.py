@@ -21,7 +21,7 @@ from .assemblies import assembly_poses
 from .branch import BRANCH_STEP
 from .linkage import Linkage
 from .pose import initial_guess, LinkageMotion, LinkagePose, path_pose
-from .reach import reachable_arcs
+from .reach import path_arcs, reachable_arcs
 from .step import step_functions
 
 # Below this part of |dH/dalpha| the component along a direction is rounding.
@@ -261,6 +261,10 @@ class Leg(Generic[PoseT, MotionT]):
         """
         alpha = crank_angle(alpha)
         return self.pose_class(*path_pose(self._linkage, alpha))  # type: ignore[return-value]  # of its class
+
+    def path_arcs(self) -> list[Arc]:
+        """Return the arcs of path angles [rad]: see `klann_ros.kinematics.path_arcs`."""
+        return path_arcs(self._linkage)
 
     def reachable_arcs(self) -> list[Arc]:
         """

@@ -77,6 +77,17 @@ def reachable_arcs(linkage: Any) -> list[Arc]:
     return normalize_arcs(closed_arcs)
 
 
+def path_arcs(linkage: Any) -> list[Arc]:
+    """
+    Return the arcs of path angles; parameters and errors as `reachable_arcs`.
+
+    A linkage with change points that is back after several turns has them all: `[(0, 4 pi)]`.
+    """
+    linkage = as_linkage(linkage)
+    arcs = reachable_arcs(linkage)
+    return [(0.0, TURN * linkage.change_points.period)] if arcs == [(0.0, TURN)] else arcs
+
+
 def closes_somewhere(linkage: Linkage) -> bool:
     """Return whether every loop closes at any crank angle."""
     # Nearly every linkage closes at one of a few angles; only the others are searched.

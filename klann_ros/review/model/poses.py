@@ -180,19 +180,20 @@ class LegFigures:
 
 def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigures:
     """Return the figures of the judged part of a leg's run."""
-    alphas = _finite(recording.poses.values)[:, 0]
+    leg = recording.solver.leg
+    cranks = path_angles(recording, leg) if leg else recording.poses.values[:, 0]
+    alphas = cranks[np.isfinite(recording.poses.values).all(axis=1)]
     feet = _finite(recording.feet.values)
     # Messages hold any number: overflow gives infinity.
     with np.errstate(over='ignore'):
         is_path = len(feet) and _covers_a_turn(alphas)
         stride, lift = np.ptp(feet, axis=0) if is_path else (nan, nan)
         turns = float(alphas[-1] - alphas[0]) / TURN if len(alphas) else nan
-    leg = recording.solver.leg
     stance = _stance(leg.linkage) if leg else None
     duty_factor = straightness = nan
     if stance is not None:
         straightness = stance.straightness
-        is_stance = np.mod(alphas - stance.start, TURN) < stance.end - stance.start
+        is_stance = np.mod(alphas - stance.start, stance.period) < stance.end - stance.start
         duty_factor = float(np.mean(is_stance)) if is_stance.size else nan
     figures = LegFigures(turns, float(stride), float(lift), duty_factor, straightness)
     if errors is None:
