@@ -181,7 +181,8 @@ class Calculation:
         Iterate x_(k+1) = x_k - Phi^-1 f of a `formulas.EquationSystem` from a guess [deg].
 
         The answers are f and two entries of Phi at the guess, x_2, the converged x, and the number
-        of iterations up to the first one whose corrections are all small.
+        of iterations up to the first one whose corrections are all small. A right calculation
+        must reach the root of the assembly mode that is drawn, in a fair number of iterations.
         """
         guess = np.array([self._givens[f'{name}_1'] for name in system.unknowns], dtype=float)
         phi, f = self._linearised(system, guess)
@@ -197,11 +198,15 @@ class Calculation:
             self.answers[f'{name}_2'] = second[n]
             self.answers[name] = last[n]
         self.answers['iterations'] = float(count)
-        if self._slip == 'assembly':
-            # Newton may converge to the root of the other assembly mode.
-            closed = Calculation(self._givens, self.mistake, self._input)
-            system.position(closed)
-            self.answers |= {name: closed.answers[name] for name in system.unknowns}
+        if self.mistake and self._slip != 'assembly':
+            return
+        closed = Calculation(self._givens, self.mistake, self._input)
+        system.position(closed)
+        limits = data()['iterations']
+        self.require(limits['fewest'] <= count <= limits['fair'])
+        for name in system.unknowns:
+            self.require(abs(closed[name] - self.answers[name]) <= limits['stop'])
+            self.answers[name] = closed[name]
 
     def _linearised(self, system: Any, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return Phi and f at x."""

@@ -122,11 +122,14 @@ class Calculation {
       this.answers[each] = last[n];
     });
     this.answers.iterations = count;
-    if (this.slip === 'assembly') {
-      const other = new Calculation(this.data, this.givens, this.mistake, this.input);
-      other.work(system.position);
-      for (const each of names) this.answers[each] = other.answers[each];
-    }
+    if (this.mistake && this.slip !== 'assembly') return;
+    const closed = new Calculation(this.data, this.givens, this.mistake, this.input);
+    const { answers } = closed.work(system.position);
+    // The root of the assembly mode that is drawn, in a fair number of iterations.
+    const { fewest, fair, stop } = this.data.iterations;
+    const isDrawn = names.every((each) => Math.abs(answers[each] - this.answers[each]) <= stop);
+    if (!this.mistake && !(isDrawn && fewest <= count && count <= fair)) impossible();
+    for (const each of names) this.answers[each] = answers[each];
   }
 
   linearised(system, names, x) {
