@@ -333,16 +333,24 @@ def _function_generation(c: Calculation) -> None:
     rows = [(c.cos(theta_4), -c.cos(theta_2), 1) for theta_2, theta_4 in points]
     right = [c.cos(theta_2 - theta_4) for theta_2, theta_4 in points]
     c.solve('K_1 K_2 K_3 1', rows, right, 'K_1 cos θ_4 - K_2 cos θ_2 + K_3 = cos(θ_2 - θ_4)')
-    _function_lengths(c)
+    _function_lengths(c, points, c.theta_2_0 + c.dtheta_2)
 
 
-def _function_lengths(c: Calculation) -> None:
+def _function_lengths(c: Calculation, points: Sequence[tuple[Any, Any]], last: Any) -> None:
+    """Work the bars; one assembly mode and mu of 10 to 170 deg up to the last crank angle."""
     l_2 = c.result('L_2 mm', c.L_1 / c.K_1, 'K_1 = L_1 / L_2')
     l_4 = c.result('L_4 mm', c.L_1 / c.K_2, 'K_2 = L_1 / L_4')
     # The sheet can draw it.
     c.require(c.smallest(l_2, l_4) / c.L_1 > 0.125, c.largest(l_2, l_4) / c.L_1 < 4)
     l_3 = c.sqrt(c.L_1**2 + l_2**2 + l_4**2 - 2 * l_2 * l_4 * c.K_3)
-    c.result('L_3 mm', l_3, 'K_3 = (L_1² + L_2² - L_3² + L_4²) / (2 L_2 L_4)')
+    l_3 = c.result('L_3 mm', l_3, 'K_3 = (L_1² + L_2² - L_3² + L_4²) / (2 L_2 L_4)')
+    # L_3 / L_2 sin mu, whose sign is the assembly mode.
+    sines = [c.K_1 * c.sin(theta_4) + c.sin(theta_2 - theta_4) for theta_2, theta_4 in points]
+    c.require(c.smallest(*sines) * c.largest(*sines) > 0, last < 180)
+    # Z grows with the crank angle.
+    for angle in (c.theta_2_0, last):
+        square = c.L_1**2 + l_2**2 - 2 * c.L_1 * l_2 * c.cos(angle)
+        c.require(abs(l_3**2 + l_4**2 - square) < 1.96 * l_3 * l_4)
 
 
 def _function_least_squares(c: Calculation) -> None:
@@ -371,7 +379,7 @@ def _function_least_squares(c: Calculation) -> None:
         'S_4 K_1 - S_5 K_2 + S_2 K_3 = c_3; -S_5 K_1 + S_3 K_2 - S_1 K_3 = -c_2; '
         'S_2 K_1 - S_1 K_2 + 5 K_3 = c_1',
     )
-    _function_lengths(c)
+    _function_lengths(c, points, c.theta_2_0 + c.dtheta_2)
 
 
 def _function_four_points(c: Calculation) -> None:
@@ -400,7 +408,8 @@ def _function_four_points(c: Calculation) -> None:
     c.step('K_1 1', c.c_1 + c.s_1 * t, 'K_1 = c_1 + s_1 t')
     c.step('K_2 1', (c.c_3 + c.s_3 * t) * c.cos(theta_4), 'K_2 = (c_3 + s_3 t) cos θ_4,0')
     c.step('K_3 1', (c.c_4 + c.s_4 * t) * c.cos(theta_4), 'K_3 = (c_4 + s_4 t) cos θ_4,0')
-    _function_lengths(c)
+    later = [(c[f'theta_2_{k}'], theta_4 + c[f'psi_{k}']) for k in (2, 3, 4)]
+    _function_lengths(c, [(start, theta_4), *later], c.theta_2_4)
 
 
 def _circle_centre(
@@ -416,22 +425,72 @@ def _circle_centre(
     c.solve(f'{symbols} mm', rows, right, text)
 
 
-def _three_poses(c: Calculation) -> None:
+def _moved(c: Calculation, pin: str, k: int) -> tuple[Any, Any]:
+    """Return a pin's place in pose k."""
+    x, y, x_p, y_p, psi = c.read(f'x_{pin} y_{pin} x_P{k} y_P{k} psi_{k}')
+    return x_p + x * c.cos(psi) - y * c.sin(psi), y_p + x * c.sin(psi) + y * c.cos(psi)
+
+
+def _three_poses(c: Calculation, *, is_sound: bool = True) -> None:
     """Work the pivots of given pins of the coupler, the centres of their circles."""
     for pin, pivot, bar in (('A', 'O2', 'L_2'), ('B', 'O4', 'L_4')):
         x, y = c.read(f'x_{pin} y_{pin}')
         moved = []
         for k in (2, 3):
-            x_p, y_p, psi = c.read(f'x_P{k} y_P{k} psi_{k}')
             text = f'P_{k} + R(ψ_{k}) {pin}_1'
-            x_k = c.step(f'x_{pin}{k} mm', x_p + x * c.cos(psi) - y * c.sin(psi), text)
-            y_k = c.step(f'y_{pin}{k} mm', y_p + x * c.sin(psi) + y * c.cos(psi), text)
-            moved.append((x_k, y_k))
+            places = zip('xy', _moved(c, pin, k), strict=True)
+            moved.append([c.step(f'{axis}_{pin}{k} mm', place, text) for axis, place in places])
         symbols = f'x_{pivot} y_{pivot}'
         text = ' = '.join(f'|{pin}_{k} {pivot}|' for k in (1, 2, 3))
         _circle_centre(c, symbols, (x, y), moved, text)
         x_o, y_o = c.read(symbols)
         c.result(f'{bar} mm', c.hypot(x - x_o, y - y_o), f'|{pin}_1 {pivot}|')
+    _coupler_poses(c, is_sound)
+
+
+def _coupler_poses(c: Calculation, is_sound: bool) -> None:
+    """Work the crank angle from the ground and mu in each pose; sound designs have no defect."""
+    x, y = c.x_O4 - c.x_O2, c.y_O4 - c.y_O2
+    c.step('L_1 mm', c.hypot(x, y), '|O2 O4|')
+    c.step('L_3 mm', c.hypot(c.x_B - c.x_A, c.y_B - c.y_A), '|A B|')
+    ground = c.step('theta_1 deg', c.atan2(y, x), '∠(O2 O4)')
+    for k, pose in enumerate(('', '2', '3'), start=1):
+        x_a, y_a, x_b, y_b = c.read(f'x_A{pose} y_A{pose} x_B{pose} y_B{pose}')
+        crank = c.atan2(y_a - c.y_O2, x_a - c.x_O2) - ground
+        theta = c.step(f'theta_2_{k} deg', c.wrapped(crank), f'∠(O2 A_{k}) - θ_1')
+        mu = c.atan2(y_b - c.y_O4, x_b - c.x_O4) - c.atan2(y_b - y_a, x_b - x_a)
+        mu = c.step(f'mu_{k} deg', c.wrapped(mu), f'∠(O4 B_{k}) - ∠(A_{k} B_{k})')
+        c.require(c.smallest(abs(c.sin(mu)), abs(c.sin(theta))) > 0.1)
+    lengths = c.read('L_1 L_2 L_3 L_4')
+    c.require(c.smallest(*lengths) > 20, c.largest(*lengths) < 600)
+    # Positive where all angles have one sign.
+    for name, angle in (('one_mode', 'mu'), ('one_side', 'theta_2')):
+        first, second, third = c.read(f'{angle}_1 {angle}_2 {angle}_3')
+        c.define(name, c.smallest(first * second, first * third))
+    if is_sound:
+        c.require(c.one_mode > 0, c.one_side > 0, (second - first) * (third - second) > 0)
+
+
+def _synthesis_defects(c: Calculation) -> None:
+    """Work whether a design takes its poses in one assembly mode, on one circuit, in order."""
+    _three_poses(c, is_sound=False)
+    odd_pose = c.choose(c.mu_1 * c.mu_3 > 0, '2', c.choose(c.mu_1 * c.mu_2 > 0, '3', '1'))
+    c.define('mode', c.choose(c.one_mode > 0, 'none', odd_pose))
+    lengths = l_1, l_2, l_3, l_4 = c.read('L_1 L_2 L_3 L_4')
+    s_l = c.step('s_l mm', c.smallest(*lengths) + c.largest(*lengths), 's + l')
+    p_q = c.step('p_q mm', l_1 + l_2 + l_3 + l_4 - s_l, 'p + q')
+    touches_o2 = c.smallest(l_1, l_2) < c.smallest(l_3, l_4)
+    in_class_1 = c.choose(c.choose(touches_o2, c.one_mode, c.one_side) > 0, 'one', 'two')
+    c.define('circuit', c.choose(s_l < p_q, in_class_1, 'one'))
+    # The crank passes 0 and 180 deg where these are positive; its angles must not jump there.
+    p_0 = c.step('p_0 mm', abs(l_1 - l_2) - abs(l_3 - l_4), '|L_1 - L_2| - |L_3 - L_4|')
+    p_180 = c.step('p_180 mm', l_3 + l_4 - l_1 - l_2, 'L_3 + L_4 - L_1 - L_2')
+    thetas = c.read('theta_2_1 theta_2_2 theta_2_3')
+    first, second, third = (c.choose(p_0 > 0, theta, c.wrapped(theta - 180)) for theta in thetas)
+    turn = c.define('turn', (second - first) * (third - second))
+    on_arc = c.choose(c.largest(p_0, p_180) < 0, c.smallest(turn, c.one_side), turn)
+    c.define('order', c.choose(c.largest(c.smallest(p_0, p_180), on_arc) > 0, 'yes', 'no'))
+    c.require(c.smallest(abs(p_0), abs(p_180)) > 2, abs(turn) > 1)
 
 
 def _three_poses_pivots(c: Calculation) -> None:
@@ -451,7 +510,11 @@ def _three_poses_pivots(c: Calculation) -> None:
         _circle_centre(c, symbols, (x_o, y_o), seen, text)
         x, y = c.read(symbols)
         c.result(f'{bar} mm', c.hypot(x - x_o, y - y_o), f'|{pin} {pivot}|')
+        for k in (2, 3):
+            for axis, place in zip('xy', _moved(c, pin, k), strict=True):
+                c.define(f'{axis}_{pin}{k}', place)
     c.require(c.largest(abs(c.x_A), abs(c.y_A), abs(c.x_B), abs(c.y_B)) <= 600)
+    _coupler_poses(c, is_sound=True)
 
 
 def _four_poses(c: Calculation) -> None:
@@ -479,7 +542,12 @@ def _four_poses(c: Calculation) -> None:
     phi = c.acos((d**2 + d_3**2 - c.D_4x**2 - c.D_4y**2) / (2 * d * d_3))
     phi = c.step('phi deg', phi, 'cos φ = (|D|² + |D_3|² - |D_4|²) / (2 |D| |D_3|)')
     beta_3 = c.wrapped(c.atan2(-y, -x) + c.sign(1) * phi - c.atan2(c.D_3y, c.D_3x))
-    c.result('beta_3 deg', beta_3, 'β_3 = ∠(-D) + φ - ∠D_3')
+    beta_3 = c.result('beta_3 deg', beta_3, 'β_3 = ∠(-D) + φ - ∠D_3')
+    x = x + c.D_3x * c.cos(beta_3) - c.D_3y * c.sin(beta_3)
+    y = y + c.D_3x * c.sin(beta_3) + c.D_3y * c.cos(beta_3)
+    c.require(beta_3 < c.wrapped(c.atan2(-y, -x) - c.atan2(c.D_4y, c.D_4x)))
+    # Bars that turn with the coupler solve the triangle, but are of any length.
+    c.require(abs(beta - c.psi_2) > 1)
     _timed_path(c)
 
 
@@ -496,6 +564,7 @@ def _timed_path(c: Calculation) -> None:
     text = 'w (e^(iβ_k) - 1) + z (e^(iψ_k) - 1) = P_k - P_1'
     c.solve('w_x w_y z_x z_y mm', rows, c.read('x_P2 y_P2 x_P3 y_P3'), text)
     c.require(c.largest(abs(c.w_x), abs(c.w_y), abs(c.z_x), abs(c.z_y)) <= 500)
+    c.require(c.beta_2 < c.beta_3)
     c.result('L_2 mm', c.hypot(c.w_x, c.w_y), '|w|')
     c.result('x_A mm', -c.z_x, 'A = P_1 - z')
     c.result('y_A mm', -c.z_y, 'A = P_1 - z')
@@ -553,7 +622,7 @@ def _quick_return_design(c: Calculation) -> None:
     h = c.step('h mm', c.L_4 * c.cos(c.swing / 2), 'L_4 cos(Δθ_4 / 2)')
     l_1 = c.result('L_1 mm', c.hypot(h - c.sign(1) * x, y), '|O2 O4|')
     longest = c.largest(l_1, l_3, c.L_4)
-    c.require(c.smallest(l_1, l_3, c.L_4) > c.L_2, l_1 + l_3 + c.L_4 - c.L_2 - 2 * longest > 0)
+    c.require(c.smallest(l_1, l_3, c.L_4) > c.L_2, l_1 + l_3 + c.L_4 - c.L_2 - 2 * longest > 5)
     stretched = c.acos(_cosine(l_1, c.L_4, l_3 + c.L_2))
     folded = c.acos(_cosine(l_1, c.L_4, l_3 - c.L_2))
     c.require(abs(abs(stretched - folded) - c.swing) < 0.000001)
@@ -584,6 +653,7 @@ FORMULAS: dict[str, Formula] = {
     'function-least-squares': _function_least_squares,
     'three-poses': _three_poses,
     'three-poses-pivots': _three_poses_pivots,
+    'synthesis-defects': _synthesis_defects,
     'four-poses': _four_poses,
     'timed-path': _timed_path,
     'cognates': _cognates,

@@ -261,14 +261,26 @@ def _bar(dyad: Any, pin: str = 'A', pivot: str = 'O2', bar: str = 'L_2') -> Key:
 
 
 def _three_poses(givens: Givens) -> Key:
+    """Return both bars, and the angles and defects of the four-bar."""
     poses = _poses(givens)
     key: Key = {}
+    dyads = []
     for pin, pivot, bar in (('A', 'O2', 'L_2'), ('B', 'O4', 'L_4')):
         if 'x_A' in givens:
             dyad = synthesis.dyad_of_pin(poses, _point(givens, pin))
         else:
             dyad = synthesis.dyad_of_pivot(poses, _point(givens, pivot))
         key |= _bar(dyad, pin, pivot, bar)
+        dyads.append(dyad)
+    # The first dyad drives.
+    design = synthesis.motion_generators(poses, dyads)[0]
+    mus = [phase((b - design.o4) / (b - a)) for a, b, _ in design.positions]
+    signs = [mu > 0.0 for mu in mus]
+    odd_pose = signs.index(signs.count(True) == 1) + 1 if design.defects.branch else 'none'
+    key |= {'mode': str(odd_pose), 'circuit': 'two' if design.defects.circuit else 'one'}
+    key['order'] = 'no' if design.defects.order else 'yes'
+    for k, (theta_2, mu) in enumerate(zip(design.thetas, mus, strict=True), 1):
+        key |= {f'theta_2_{k}': degrees(theta_2), f'mu_{k}': degrees(mu)}
     return key
 
 
@@ -317,7 +329,7 @@ _KEYS: dict[str, Callable[..., Key]] = {
     'slider-crank quick-return': _sliding,
     'function-generation function-four-points': _function,
     'function-least-squares': _least_squares,
-    'three-poses three-poses-pivots': _three_poses,
+    'three-poses three-poses-pivots synthesis-defects': _three_poses,
     'four-poses': _four_poses,
     'timed-path': _timed_path,
     'toggle': _toggle,

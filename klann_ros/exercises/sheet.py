@@ -112,6 +112,7 @@ def key(assignment: Assignment, students: Sequence[Sequence[Variant]], *, has_st
             rows.append([f'{variants[0].student} {variants[0].name}'])
         for task in tasks:
             content.append(_task_heading(assignment, task + 1, students[0][task]))
+            content.append(element('p', _note(students[0][task], language), class_='note'))
             for question in students[0][task].kind.questions:
                 unit = element('small', unit_sign(question.unit))
                 name = question_symbol(question, language)
@@ -168,7 +169,14 @@ def problem(variant: Variant, language: str, *, has_note: bool = True) -> Markup
         task += [rich(line), element('br')]
     note = element('p', rich(words['sheet']['degrees'][language]), class_='note')
     drawing = element('div', picture(variant), *givens, class_='given')
-    return joined([element('p', *task[:-1]), *[note] * has_note, drawing])
+    text = element('p', *task, _note(variant, language))
+    return joined([text, *[note] * has_note, drawing])
+
+
+def _note(variant: Variant, language: str) -> Markup:
+    """Return what a kind says of its assembly mode or its design."""
+    note = data()['kinds'][variant.kind.name].get('note')
+    return rich(texts()['notes'][note][language]) if note else Markup('')
 
 
 def _answers(variant: Variant, language: str, *, solved: bool = False) -> Markup:

@@ -21,6 +21,7 @@ function-generation        roots of Chebyshev's polynomial; coupler's length at 
 function-four-points       coupler's length at each point
 function-least-squares     residuals orthogonal to the columns; the loop of the lengths
 three-poses, four-poses    lengths of the bars in each pose; likewise timed-path, with pivots
+synthesis-defects          the crank turned by steps through the poses; likewise all designs
 cognates                   each cognate closes at points of the path of the given four-bar
 instant-centres            points without velocity, and with equal velocities, by differences
 toggle                     crank pin, B and O4 in one line
@@ -400,6 +401,7 @@ ORACLES: dict[str, Callable[[Givens], Any]] = {
     'slider-crank': slider_crank,
     'quick-return': quick_return,
     'toggle': toggle,
+    'synthesis-defects': lambda g: design(g, {}),
 }
 
 
@@ -488,6 +490,7 @@ def four_points(g: Givens, a: Givens) -> list[Real]:
 def timed_path(g: Givens, a: Givens) -> list[Real]:
     pivot, pin = (a[f'x_{name}'] + 1j * a[f'y_{name}'] for name in ('O2', 'A'))
     misfits = [abs(pin - pivot) / a['L_2'] - 1]
+    assert 0 < g['beta_2'] < g['beta_3']
     for k in (2, 3):
         crank, coupler = turned(radians(g[f'beta_{k}'])), turned(radians(g[f'psi_{k}']))
         place = pivot + (pin - pivot) * crank - pin * coupler
@@ -502,6 +505,8 @@ def four_poses(g: Givens, a: Givens) -> list[Real]:
         place = g[f'x_P{k}'] + 1j * g[f'y_P{k}'] + pin * turned(radians(g[f'psi_{k}']))
         arms.append(place - pivot)
     turns = (degrees(arms[1] / arms[0]) - g['beta_2'], degrees(arms[2] / arms[0]) - a['beta_3'])
+    # One way through the poses.
+    assert sorted(rotations := [degrees(arm / arms[0]) for arm in arms]) == rotations
     # The triangle that is asked for, of both.
     two, three, four = (turned(radians(g[f'psi_{k}'])) - 1 for k in (2, 3, 4))
     p, q, r = (g[f'x_P{k}'] + 1j * g[f'y_P{k}'] for k in (2, 3, 4))
@@ -532,6 +537,78 @@ def cognates(g: Givens, a: Givens) -> list[Real]:
             bar = a[f'{letter}_3']
             misfits.append(min((abs(abs(x - y) / bar - 1) for x, y in product(*places))))
     return misfits
+
+
+def pose_pins(g: Givens, a: Givens) -> list[tuple[Point, Point]]:
+    """Return the pins A and B in each pose."""
+    numbers = {**g, 'psi_1': 0.0, **a}
+    pins = []
+    for k in (1, 2, 3):
+        place = numbers[f'x_P{k}'] + 1j * numbers[f'y_P{k}']
+        turn = turned(radians(numbers[f'psi_{k}']))
+        arms = (Point(numbers[f'x_{pin}'] + 1j * numbers[f'y_{pin}']) for pin in 'AB')
+        pins.append(tuple(place + arm * turn for arm in arms))
+    return pins
+
+
+def centre(p: Point, q: Point, r: Point) -> Point:
+    """Return where the perpendicular bisectors of two chords meet."""
+    share = (np.conj(r - q) * (r - p)).real / cross(q - p, r - q)
+    return (p + q) / 2 + 1j * (q - p) * share / 2
+
+
+def point_pins(g: Givens, a: Givens) -> list[tuple[Point, Point]]:
+    """Return the pins A and B of a function generator at each point, and at the range's ends."""
+    if 'n' in g:
+        x_0, x_n = g['x_0'], g.get('x_4', g.get('x_6'))
+        x = [x_0, *(a[name] for name in ('x_1', 'x_2', 'x_3', 'x_5') if name in a), x_n]
+        phi = [g['dtheta_2'] * (each - x_0) / (x_n - x_0) for each in x]
+        y_0, y_n = x_0 ** g['n'], x_n ** g['n']
+        psi = [g['dtheta_4'] * (each ** g['n'] - y_0) / (y_n - y_0) for each in x]
+    else:
+        phi, psi = ([0, *(g[f'{name}_{k}'] for k in (2, 3, 4))] for name in ('phi', 'psi'))
+    start = {**g, **a}['theta_4_0']
+    cranks = [a['L_2'] * turned(radians(g['theta_2_0'] + each)) for each in phi]
+    rockers = [g['L_1'] + a['L_4'] * turned(radians(start + each)) for each in psi]
+    return list(zip(cranks, rockers, strict=True))
+
+
+def followed(
+    o2: Point, o4: Point, coupler: Real, rocker: Real, pins: list[tuple[Point, Point]]
+) -> dict[str, Any]:
+    """Turn the crank both ways from the first position, by steps of 0.1 deg."""
+    arm = pins[0][0] - o2
+    cranks = [degrees((a - o2) / (o4 - o2)) for a, _ in pins]
+    mu = [degrees((b - o4) / (b - a)) for a, b in pins]
+    positive = [angle > 0 for angle in mu]
+    usual = 2 * sum(positive) > len(pins)
+    odd = [str(k) for k, sign in enumerate(positive, 1) if sign != usual]
+    steps = np.arange(3600) * 0.1
+    is_met, is_near = False, np.zeros(len(pins), bool)
+    for sense in (1, -1):
+        z = abs(o2 + arm * turned(radians(sense * steps)) - o4)
+        is_open = (z < abs(coupler - rocker)) | (z > coupler + rocker)
+        reach = steps[is_open.argmax()] if is_open.any() else 360
+        turns = [sense * (crank - cranks[0]) % 360 for crank in cranks]
+        is_met |= turns == sorted(turns) and turns[-1] < reach
+        is_near |= np.array(turns) < reach
+    # Each mode of a crank that turns fully is a circuit.
+    is_one = not odd if reach == 360 else is_near.all()
+    answers = {f'theta_2_{k}': crank for k, crank in enumerate(cranks, 1)}
+    answers |= {f'mu_{k}': angle for k, angle in enumerate(mu, 1)}
+    answers |= {'mode': ', '.join(odd) or 'none', 'circuit': 'one' if is_one else 'two'}
+    return {**answers, 'order': 'yes' if is_met else 'no'}
+
+
+def design(g: Givens, a: Givens) -> dict[str, Any]:
+    """Follow the design of a task through its positions."""
+    if 'L_1' in g:
+        l_1 = Point(g['L_1'])
+        return followed(Point(0), l_1, Real(a['L_3']), Real(a['L_4']), point_pins(g, a))
+    pins = pose_pins(g, a)
+    o2, o4 = (centre(*places) for places in zip(*pins, strict=True))
+    a_1, b_1 = pins[0]
+    return followed(o2, o4, abs(b_1 - a_1), abs(b_1 - o4), pins)
 
 
 def quick_return_design(g: Givens, a: Givens) -> list[Real]:
@@ -566,3 +643,13 @@ def test_the_design_does_what_its_task_says(name: str, student: int) -> None:
     variant = make_variant(KINDS[name], f'oracle {student}')
     misfits = DESIGNS[name](variant.givens, variant.answers)
     assert max(map(abs, misfits)) <= 1e-9
+
+
+@pytest.mark.parametrize('student', range(STUDENTS))
+@pytest.mark.parametrize(
+    'name', ['three-poses', 'three-poses-pivots', *(k for k in KINDS if k.startswith('function'))]
+)
+def test_a_design_moves_through_its_task(name: str, student: int) -> None:
+    variant = make_variant(KINDS[name], f'design {student}')
+    motion = design(variant.givens, variant.answers)
+    assert [motion[name] for name in ('mode', 'circuit', 'order')] == ['none', 'one', 'yes']

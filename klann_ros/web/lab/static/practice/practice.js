@@ -49,7 +49,8 @@ class Practice {
     const given = made('div', 'practice-given');
     given.append(made('h3', '', texts.sheet.given[language.now]), this.givens());
     const text = made('p');
-    for (const line of task.split('\n')) text.append(...rich(line), made('br'));
+    const lines = [task, texts.notes[kind.own.note]?.[language.now] ?? ''].join('\n');
+    for (const line of lines.split('\n')) text.append(...rich(line), made('br'));
     const note = made('p', 'quiet', texts.sheet.degrees[language.now]);
     this.solution = made('ol', 'practice-steps');
     const grid = made('div', 'practice-grid');
