@@ -172,8 +172,13 @@ def _pose_shapes(
     for tag, style, moving_attributes in _frame(drawing, view):
         yield f'<{tag}{_attributes(style | moving_attributes)}/>'
     for bar, name in names.items():
-        (x_1, y_1), (x_2, y_2) = view.points(drawing.at(bar))
-        yield _text((x_1 + x_2) / 2.0 + 9.0, (y_1 + y_2) / 2.0 - 7.0, name)
+        start, end = (complex(*point) for point in view.points(drawing.at(bar)))
+        normal = LETTER * 1j * (end - start) / abs(end - start)
+        # Beside the bar, away from the letters of its ends.
+        letters = sum(complex(*drawing.free_side(point)) for point in bar)
+        side = 1.0 if (normal * letters).real < 0.0 else -1.0
+        middle = (start + end) / 2.0 + side * normal
+        yield _text(middle.real, middle.imag, name)
     for name, point in drawing.points.items():
         if name in drawing.on_bars:
             ((x, y),) = view.points(point[None])
