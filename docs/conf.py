@@ -33,6 +33,7 @@ suppress_warnings = ['misc.highlighting_failure', 'ref.python']
 
 html_title = 'klann_ros'
 html_copy_source = False
+html_show_copyright = False
 # They would be fetched, which a browser refuses for files.
 html_show_search_summary = False
 if find_spec('furo'):

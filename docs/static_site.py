@@ -1,7 +1,9 @@
 """
 The manual as a site of static files, which needs nothing from outside: an extension of Sphinx.
 
-Formulas are MathML, which browsers draw themselves. The lab is a file beside the pages.
+Formulas are MathML, which browsers draw themselves. The lab is a file beside the pages. Images
+with the names of interactive/figures.yaml become figures that the reader turns, by the lab's
+solver.
 """
 
 from pathlib import Path
@@ -12,12 +14,42 @@ from typing import Any
 from docutils import nodes
 from docutils.transforms import Transform
 from docutils.utils.math.latex2mathml import tex2mathml
-from klann_ros.web import LAB_FILE
+from klann_ros.kinematics import SHIPPED
+from klann_ros.web import LAB_FILE, SHARED
+from klann_ros.web.lab.build import SOLVER
+from klann_ros.web.parts import as_script, compact, text
 from sphinx.addnodes import download_reference
 from sphinx.application import Sphinx
+import yaml
+
+INTERACTIVE = Path(__file__).resolve().parent / 'interactive'
+LAB_STATIC = SOLVER[-1].parent
+YAML_SCRIPTS = {'js-yaml.min', 'yaml', 'yaml_text', 'parameters'}
+# In this order: each uses what stands before it. Linkages are data here, and are not read as YAML.
+FIGURE_SCRIPTS = (
+    *(SHARED / f'{name}.js' for name in ('theme', 'drawing')),
+    *(path for path in SOLVER if path.stem not in YAML_SCRIPTS),
+    *(LAB_STATIC / f'{name}.js' for name in ('texts', 'dragging')),
+    *(INTERACTIVE / f'{name}.js' for name in ('layers', 'charts', 'values', 'figure')),
+)
+DARK_THEME = re.compile(
+    r'@media screen and \(prefers-color-scheme: dark\) \{\s*:root (\{.*?\})\s*\}', re.DOTALL
+)
+# The reader's choice of the page's theme goes before the system's.
+DARK_FIGURES = r"""@media screen { body[data-theme='dark'] .interactive \1 }
+@media screen and (prefers-color-scheme: dark) {
+  body:not([data-theme='light']) .interactive \1
+}"""
+PLANS = yaml.safe_load(text(INTERACTIVE / 'figures.yaml'))
+FIGURE_IMAGE = re.compile(rf'<img [^>]*/({"|".join(PLANS)})\.png"')
 
 # Pages in Portuguese, and the English pages that say the same.
-PORTUGUESE = {'docs/teoria': 'docs/theory'}
+PORTUGUESE = {
+    'docs/cursos': 'docs/courses',
+    'docs/exemplos': 'docs/examples',
+    'docs/python_pt': 'docs/python',
+    'docs/teoria': 'docs/theory',
+}
 ENGLISH = {english: portuguese for portuguese, english in PORTUGUESE.items()}
 
 # What a page may load: files of the site.
@@ -55,6 +87,42 @@ def show_formula(translator: Any, node: nodes.Element) -> None:
     raise nodes.SkipNode
 
 
+def figures_script() -> str:
+    """Return the script of all figures, with the linkages that they name."""
+    linkages = {}
+    for plan in PLANS.values():
+        for choice in plan.get('pick', [plan]):
+            name = choice['linkage']
+            if isinstance(name, str):
+                linkages[name] = yaml.safe_load(text(Path(str(SHIPPED), f'{name}.yaml')))
+    scripts = ''.join(compact(text(script)) for script in FIGURE_SCRIPTS)
+    constants = f'const FIGURES = {as_script(PLANS)}, LINKAGES = {as_script(linkages)};'
+    return f"(() => {{'use strict';{constants}{scripts}makeFigures();}})();"
+
+
+def figures_style() -> str:
+    """Return the styles of the figures, in the reader's choice of light or dark."""
+    theme = DARK_THEME.sub(DARK_FIGURES, text(SHARED / 'theme.css'))
+    styles = (text(SHARED / 'drawing.css'), text(INTERACTIVE / 'figure.css'))
+    return '\n'.join([theme.replace(':root', '.interactive'), *styles])
+
+
+def write_figures(app: Sphinx) -> None:
+    """Write the scripts and styles of the figures."""
+    folder = Path(app.outdir, '_static')
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / 'figures.js').write_text(figures_script(), encoding='utf-8')
+    (folder / 'figures.css').write_text(figures_style(), encoding='utf-8')
+
+
+def improve_markup(context: dict[str, Any]) -> None:
+    """Name what readers of the page by ear meet without a name."""
+    body = context.get('body', '')
+    context['body'] = body.replace('<th class="head"><p></p></th>', '<td></td>')
+    tree = context.get('furo_navigation_tree', '')
+    context['furo_navigation_tree'] = tree.replace('"heading"', '"heading" aria-level="2"')
+
+
 def complete_page(
     app: Sphinx, page: str, _template: str, context: dict[str, Any], _doctree: Any
 ) -> None:
@@ -64,6 +132,10 @@ def complete_page(
         context['translation'] = (PORTUGUESE[page], 'en', 'English')
     elif page in ENGLISH:
         context['translation'] = (ENGLISH[page], 'pt-BR', 'Português')
+    if FIGURE_IMAGE.search(context.get('body', '')):
+        app.add_css_file('figures.css')
+        app.add_js_file('figures.js', loading_method='defer')
+    improve_markup(context)
     tags = [f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">']
     tags.append(f'<meta name="description" content="{DESCRIPTION}">')
     # Networks that show a picture beside a link take absolute addresses only.
@@ -96,6 +168,8 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_transform(LabLink)
     app.add_css_file('site.css')
     app.add_js_file('page.js', loading_method='defer')
-    app.connect('html-page-context', complete_page)
+    app.connect('builder-inited', write_figures)
+    # After the theme has made its part.
+    app.connect('html-page-context', complete_page, priority=900)
     app.connect('build-finished', copy_lab)
     return {'parallel_read_safe': True, 'parallel_write_safe': True}
