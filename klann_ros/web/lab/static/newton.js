@@ -88,19 +88,15 @@ class NewtonPanel {
     const { tolerance, rounding } = this.way;
     const start = [alpha, ...guess];
     this.found = newtonRaphson(linkage, start, MOST_CORRECTIONS, tolerance, rounding);
-    byId('slips').hidden = !(this.way === COURSES.fourBar && this.isExample);
+    // Where the course slips: in its fourth estimate of its own example [deg].
+    const [, , angle] = this.found.x[3] || [];
+    const isSlip = Math.abs((angle * 360) / TAU - RIGHT_ESTIMATE) < 1e-9;
+    byId('slips').hidden = !isSlip || this.way !== COURSES.fourBar;
     byId('verdict').textContent = this.verdict();
     const options = this.found.x.map((_, k) => new Option(`x${subscript(k + 1)}`, k + 1));
     byId('iterate').replaceChildren(new Option('–', 0), ...options);
     this.table();
     this.draw(Math.min(this.drawn, this.found.x.length));
-  }
-
-  /** Whether these are the lecture's numbers. */
-  get isExample() {
-    const { linkage, read, source, alpha, guess } = this.lab;
-    const isSame = linkage === read.linkage && alpha === read.start;
-    return source === 'four_bar' && isSame && String(guess) === String(read.guess);
   }
 
   verdict() {
@@ -206,15 +202,14 @@ class NewtonPanel {
 
   /** Return a correction in rad and degrees, or in mm, with the digits that the lecture keeps. */
   correctionTexts(value, { slides }, k) {
-    if (slides) return [`${correctionText(1000 * value, 6)} mm`, ''];
+    if (slides) return [`${shownTerm(1000 * value, 6)} mm`, ''];
     const { rounding } = this.way;
-    const isRounded = rounding !== UNROUNDED;
-    const digits = isRounded ? digitsOf(CORRECTION_DIGITS, k) : 6;
     const angle = rounding.correction(value, k);
-    const texts = [angle, (angle * 360) / TAU].map((part, n) =>
-      isRounded ? decimals(part, digits - n) : correctionText(part, digits - n),
+    const digits = digitsOf(CORRECTION_DIGITS, k);
+    const [radians, degrees] = [angle, (angle * 360) / TAU].map((part, n) =>
+      rounding === UNROUNDED ? shownTerm(part, 6 - 2 * n) : decimals(part, digits - n),
     );
-    return [`${texts[0]} rad`, `${texts[1]}°`];
+    return [`${radians} rad`, `${degrees}°`];
   }
 
   mark() {
@@ -228,17 +223,12 @@ function subscript(number) {
   return Array.from(String(number), (digit) => '₀₁₂₃₄₅₆₇₈₉'[digit]).join('');
 }
 
-/** Return an entry of f or Phi as the lectures print it: 3 decimals, 6 of what is small. */
-function shownTerm(value) {
+/** Return an entry of f or Phi as the lectures print it: 3 decimals, and 3 more of what is small. */
+function shownTerm(value, digits = 3) {
   const size = Math.abs(value);
   if (!size) return '0';
   if (size < 5e-7 || size >= 1e7) return inLocale(value.toExponential(2));
-  return decimals(value, size < 0.01 ? 6 : 3);
-}
-
-function correctionText(value, digits) {
-  const isSmall = value && Math.abs(value) < 10 ** (2 - digits);
-  return isSmall ? inLocale(value.toExponential(3)) : decimals(value, digits);
+  return decimals(value, size < 0.01 ? digits + 3 : digits);
 }
 
 function matrixOf(rows) {

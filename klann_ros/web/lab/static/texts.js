@@ -88,9 +88,9 @@ const TEXTS = {
     random: 'A random guess',
     fromPose: 'From this pose',
     sem104: 'as SEM 104 prints: iterates rounded to 0.0001 rad',
-    fourBar: 'as the four-bar course works: corrections rounded to 4, 4, 6, 8 decimals of a radian',
+    fourBar: 'as the four-bar course works: corrections of 4, 4, 6, 8 decimals [rad]',
     slips:
-      'The course slips twice: in x₄ it prints 72.1377 (72.139 − 0.00138 is 72.1376), and in x₅ it subtracts 0.0000049° where 0.00000086 rad is 0.0000493°.',
+      'The course slips twice: it prints 72.1377 in x₄, and then subtracts 0.0000049° for 0.0000493°.',
     guess: (name, unit) => `Guess of ${name} [${unit}]`,
     iterate: 'Iterate drawn',
     iterates: 'Iterates',
@@ -225,9 +225,9 @@ const TEXTS = {
     fromPose: 'Desta posição',
     sem104: 'como SEM 104 imprime: iterações arredondadas a 0,0001 rad',
     fourBar:
-      'como o curso de quatro barras calcula: correções arredondadas a 4, 4, 6, 8 casas decimais do radiano',
+      'como o curso de quatro barras calcula: correções com 4, 4, 6, 8 casas decimais [rad]',
     slips:
-      'O curso erra duas vezes: em x₄ imprime 72,1377 (72,139 − 0,00138 é 72,1376), e em x₅ subtrai 0,0000049° onde 0,00000086 rad são 0,0000493°.',
+      'O curso erra duas vezes: imprime 72,1377 em x₄, e depois subtrai 0,0000049° em vez de 0,0000493°.',
     guess: (name, unit) => `Chute inicial de ${name} [${unit}]`,
     iterate: 'Iteração desenhada',
     iterates: 'Iterações',
