@@ -7,6 +7,7 @@ from klann_ros.kinematics import (
     assembly_poses,
     foot_path,
     GeometryError,
+    Grashof,
     linkage_poses,
     LinkageLeg,
     NotConvergedError,
@@ -200,3 +201,32 @@ def test_iterates_are_the_textbooks_wherever_they_lead() -> None:
         first = np.array(answer['x'])[:count, 1:]
         assert first == pytest.approx(theirs[:count], rel=1e-7, abs=1e-7)
     assert converged > 10
+
+
+GRASHOF = """
+function answer({ texts, lengths }) {
+  const loops = Object.values(texts).map((text) => fourBarOf(readFile(text, texts.klann).linkage));
+  return { loops, laws: lengths.map(grashofOf) };
+}
+"""
+
+
+def test_grashofs_law_is_the_same() -> None:
+    random = np.random.default_rng(5)
+    steps = random.integers(1, 9, (400, 4)).tolist()
+    lengths = [tuple(0.05 * n for n in row) for row in steps if 2 * max(row) < sum(row)]
+    lengths += [tuple(row) for row in random.uniform(0.1, 0.4, (200, 4)).tolist()]
+    answers = in_node(GRASHOF, {'texts': TEXTS, 'lengths': lengths})
+    kinds = set()
+    for row, law in zip(lengths, answers['laws'], strict=True):
+        expected = Grashof(row)
+        assert (law['kind'], law['motion']) == (expected.class_, expected.motion), row
+        kinds.add((law['kind'], law['motion']))
+    assert len(kinds) == 9
+    loops = dict(zip(TEXTS, answers['loops'], strict=True))
+    assert loops['four_bar']['lengths'] == pytest.approx([0.18, 0.08, 0.2, 0.15])
+    ground = np.hypot(0.35, 0.09)
+    assert loops['klann']['lengths'] == pytest.approx([ground, 0.12, 0.35, 0.14])
+    assert loops['klann']['names'] == ['alpha', 'gamma', 'beta']
+    without = {'slider_crank', 'quick_return', 'scotch_yoke', 'stephenson'}
+    assert without <= {name for name, loop in loops.items() if loop is None}

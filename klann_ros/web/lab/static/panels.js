@@ -50,6 +50,7 @@ class StatePanel {
     const { turn, linkage } = this.lab;
     if (!turn) return;
     byId('turn-text').textContent = arcsText(turn);
+    byId('grashof').textContent = grashofText(linkage);
     const changes = turn.isTurn ? changeTexts(linkage) : [];
     byId('changes').replaceChildren(...changes.map((text) => made('li', '', text)));
     const tiles = turn.pieces.some((poses) => poses.length) ? figuresOf(this.lab, turn) : [];
@@ -102,6 +103,16 @@ function rateText(rate, { slides }) {
 function turnNumber(alpha, period) {
   // An angle that is shown as 0 begins a turn.
   return 1 + modulo(Math.floor((alpha + 1e-9) / TAU), period);
+}
+
+/** Return Grashof's law for the four-bar that the crank drives, or ''. */
+function grashofText(linkage) {
+  const loop = fourBarOf(linkage);
+  if (!loop) return '';
+  const { sums, kind, motion } = grashofOf(loop.lengths);
+  const sign = { I: '<', II: '>', III: '=' }[kind];
+  const motions = say('motions')[motion] || motion;
+  return say('grashof', loop.names.join(', '), ...sums.map(lengthText), sign, kind, motions);
 }
 
 function arcsText({ isTurn, arcs, linkage }) {

@@ -63,6 +63,30 @@ function drivenArcs(block) {
   ];
 }
 
+/** Return Grashof's law for a four-bar: its lengths, ground, crank, coupler, rocker [m], by mobility.py. */
+function grashofOf(lengths) {
+  const [s, p, q, l] = [...lengths].sort((a, b) => a - b);
+  const rounding = CONTACT_ROUNDING * l;
+  const margin = p - s - (l - q);
+  const kind = Math.abs(margin) <= rounding ? 'III' : margin > 0 ? 'I' : 'II';
+  const turns = lengths.map((length) => Math.min(length, lengths[0]) <= s + rounding);
+  const motions = [['double rocker', 'rocker-crank'], ['crank-rocker', 'double crank']];
+  const motion = motions[Number(turns[1])][Number(turns[3])];
+  return { sums: [s + l, p + q], kind, motion: kind === 'II' ? 'triple rocker' : motion };
+}
+
+/** Return the bodies of a four-bar that the crank drives, the rocker last; null where there is none. */
+function fourBarOf({ structure, blocks }) {
+  const { bodies } = structure;
+  if (!blocks.length || !isDriven(blocks[0])) return null;
+  const pair = blocks[0].unknowns;
+  const isRocker = pair.map((j) => isGuided(structure, bodies[j]));
+  if (isRocker[0] === isRocker[1]) return null;
+  const { lengths } = drivenLengths(blocks[0]);
+  if (isRocker[0]) lengths.push(lengths.splice(2, 1)[0]);
+  return { names: [0, ...pair].map((j) => bodies[j].name), lengths };
+}
+
 /** Return the angle between two sides of a triangle [rad]. */
 function triangleAngle(p, q, opposite) {
   const root = (square) => Math.sqrt(Math.max(0, square));

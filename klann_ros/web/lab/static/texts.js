@@ -54,6 +54,9 @@ const TEXTS = {
       `Change point at ${at} of the coupled loops (${names}). It goes on by its inertia.`,
     arcs: (list) =>
       `The crank turns only from ${list}; at these ends, its dead points, a dyad is in line.`,
+    grashof: (names, sl, pq, sign, kind, motion) =>
+      `Grashof (${names}): s + l = ${sl} ${sign} p + q = ${pq}: class ${kind}, ${motion}.`,
+    motions: {},
     nowhere: 'It closes at no crank angle in this assembly.',
     and: 'and from',
     to: 'to',
@@ -190,6 +193,15 @@ const TEXTS = {
       `Ponto de mudança em ${at} das malhas acopladas (${names}). O mecanismo segue por inércia.`,
     arcs: (list) =>
       `A manivela gira só de ${list}; nesses extremos, os pontos mortos, uma díade fica alinhada.`,
+    grashof: (names, sl, pq, sign, kind, motion) =>
+      `Grashof (${names}): s + l = ${sl} ${sign} p + q = ${pq}: classe ${kind}, ${motion}.`,
+    motions: {
+      'crank-rocker': 'manivela-balancim',
+      'rocker-crank': 'balancim-manivela',
+      'double crank': 'dupla manivela',
+      'double rocker': 'duplo balancim',
+      'triple rocker': 'triplo balancim',
+    },
     nowhere: 'Nesta montagem o mecanismo não fecha em nenhum ângulo da manivela.',
     and: 'e de',
     to: 'a',
