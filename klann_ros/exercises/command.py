@@ -11,9 +11,9 @@ from typing import Any
 
 from klann_ros.cli import (
     ArgumentParser,
-    COUNT,
     NOT_READ,
     NOT_WRITTEN,
+    number_type,
     Output,
     output_errors,
     output_files,
@@ -50,6 +50,7 @@ from .platforms import Files, moodle, notebooks, prairielearn
 from .sheet import answer_text, Assignment, key, sheets, unit_sign, with_unit
 from .variant import ExerciseError, LANGUAGES, look_up, make_variant, texts, unit_of, Variant
 
+LINES = number_type(lambda n: 0 <= n <= 200, 'a whole number of lines, 0 to 200', int)
 # File of a folder for the answers.
 ANSWERS_FILE = 'answers.csv'
 ROWS_REFUSED = 1
@@ -252,7 +253,7 @@ def _parser() -> ArgumentParser:
     add_columns()
     add('--format', choices=[*PAGES, *PLATFORMS], default='html', help='(default: html)')
     add('--title', default='', help='of the sheets')
-    add('--room', metavar='LINES', type=COUNT, default=0, help='ruled lines a task, on paper only')
+    add('--room', metavar='LINES', type=LINES, default=0, help='ruled lines a task, on paper only')
     add('--steps', action='store_true', help='the steps of every student after the key')
     add('--wide', action='store_true', help='a row a student in the table for answers')
     add_secret(

@@ -51,7 +51,7 @@ def fingerprint(secret: str) -> str:
 def assignment_content(assignment: Assignment) -> bytes:
     """Return the file that remembers an assignment, without its secret."""
     content = asdict(replace(assignment, secret=fingerprint(assignment.secret)))
-    return f'{json.dumps(content, indent=1, ensure_ascii=False)}\n'.encode()
+    return f'{json.dumps(content, indent=1)}\n'.encode()
 
 
 def summary(assignment: Assignment) -> str:
@@ -290,7 +290,7 @@ class Answers:
 
     def _question_columns(self, table: Table, file: str) -> dict[str, tuple[str, Question, str]]:
         """Return the kind, the question and, if it is another one, the unit by heading."""
-        spellings = _question_spellings([*self._kinds])
+        spellings = _question_spellings(self._kinds, are_numbered=bool(self._assignment.points))
         columns: dict[str, tuple[str, Question, str]] = {}
         missing = {(kind, q) for kind in self._assignment.points for q in KINDS[kind].questions}
         left_out = []
@@ -344,13 +344,15 @@ def _bare(number: str) -> str:
     return re.sub(r'\D', '', number).lstrip('0') or plain(number)
 
 
-def _question_spellings(kinds: Sequence[str]) -> dict[str, set[tuple[str, Question]]]:
+def _question_spellings(
+    kinds: Iterable[str], *, are_numbered: bool
+) -> dict[str, set[tuple[str, Question]]]:
     """Return the questions by the headings that stand for them: alone, or after kind or number."""
     spellings: dict[str, set[tuple[str, Question]]] = {}
     for number, kind in enumerate(kinds, 1):
         for question in KINDS[kind].questions:
             for name in (question.name, *texts()['questions'].get(question.name, {}).values()):
-                for heading in (name, f'{kind} {name}', f'{number} {name}'):
+                for heading in (name, f'{kind} {name}', *[f'{number} {name}'] * are_numbered):
                     spellings.setdefault(_compact(heading), set()).add((kind, question))
     return spellings
 
@@ -405,6 +407,10 @@ def save_marks(class_marks: Marks, assignment: Assignment, file: BinaryIO) -> No
     _save(MARK_COLUMNS, lines, language, file)
 
 
+def _kinds(class_marks: Marks, assignment: Assignment) -> Iterable[str]:
+    return dict.fromkeys([*assignment.points, *(kind for _, kind in class_marks)])
+
+
 def task_points(class_marks: Marks, assignment: Assignment) -> dict[tuple[str, str], float]:
     """Return the points of each student and kind, to the hundredth."""
     points = {}
@@ -430,7 +436,7 @@ def reasons_of(marks: Iterable[Mark], language: str) -> list[str]:
 def save_gradebook(class_marks: Marks, assignment: Assignment, file: BinaryIO) -> None:
     """Write the gradebook, a row a student: the points of each task, the total, the reasons."""
     language = assignment.language
-    kinds = dict.fromkeys([*assignment.points, *(kind for _, kind in class_marks)])
+    kinds = _kinds(class_marks, assignment)
     points_of = task_points(class_marks, assignment)
     rows = []
     for student in dict.fromkeys([*assignment.students, *(student for student, _ in class_marks)]):
@@ -443,9 +449,9 @@ def save_gradebook(class_marks: Marks, assignment: Assignment, file: BinaryIO) -
             cells.append('' if points is None else _points_text(points, language))
             marks = class_marks.get((student, kind), ())
             reasons += [f'{kind} {reason}' for reason in reasons_of(marks, language)]
-        has_answers = any(cells[2:])
-        cells.append(_points_text(total, language) if has_answers else '')
-        cells.append('; '.join(reasons) if has_answers else assignment.word('absent'))
+        is_present = any(cells[2:])
+        cells.append(_points_text(total, language) if is_present else '')
+        cells.append('; '.join(reasons) if is_present else assignment.word('absent'))
         rows.append(cells)
     maxima = {kind: assignment.points_of(kind) for kind in kinds}
     maxima[assignment.word('total')] = sum(maxima.values())
@@ -472,7 +478,7 @@ def class_summary(class_marks: Marks, assignment: Assignment) -> list[str]:
     for (student, _), points in task_points(class_marks, assignment).items():
         totals[student] = totals.get(student, 0.0) + points
     if len(totals) > 1:
-        total = sum(map(assignment.points_of, {kind for _, kind in class_marks}))
+        total = sum(map(assignment.points_of, _kinds(class_marks, assignment)))
         quartiles = quantiles(totals.values(), method='inclusive')
         lines.append(assignment.word('spread', total, fmean(totals.values()), *quartiles))
     shares: dict[str, list[float]] = {}

@@ -33,6 +33,7 @@ CLASS_LISTS = {
     'Seq.;Nº USP;Nome;Curso\n1;0123;Ana Sá;18003\n2;0456;Eva Luz;18003\n;;;\nTotal: 2 alunos;;;\n',
     'SIGAA': 'Matrícula\tNome\tCurso\n0123\tAna Sá\tMEC\n0456\tEva Luz\tMEC\n',
     'RA': 'RA;NOME COMPLETO;E-MAIL\n0123;Ana Sá;a@x\n0456;Eva Luz;e@x\n',
+    'form': 'Carimbo de data/hora,Qual é o seu Número USP?,Nome\n,0123,Ana Sá\n,0456,Eva Luz\n',
     'both names': 'Nome completo,Sobrenome,Nº USP\nAna Sá,Sá,0123\nEva Luz,Luz,0456\n',
     'aluno': 'NUSP;Aluno(a)\n0123;Ana Sá\n0456;Eva Luz\n',
     'Canvas': 'Student,Student ID,SIS User ID,Section\nAna Sá,0123,x,1\nEva Luz,0456,x,1\n',
@@ -53,6 +54,14 @@ def test_a_class_list_of_a_university_is_read(tmp_path: Path, name: str, encodin
     assert students == ANA_EVA
     assert notes[0].startswith('columns: student = ')
     assert ('left out: ' in ''.join(notes)) == (name == 'Júpiter')
+
+
+def test_a_number_with_the_decimals_of_a_program_is_whole(tmp_path: Path) -> None:
+    path = written(tmp_path, 'Turma 1\nMatrícula;Nome\n11223344.0;Ana\n')
+    assert read_students(path, {})[0] == {'11223344': 'Ana'}
+    path = written(tmp_path, 'Turma 1\nMatrícula;Nome\n1;Ana\n;Eva\n')
+    with pytest.raises(ExerciseError, match='line 4: no student number'):
+        read_students(path, {})
 
 
 def test_a_column_is_named_by_its_heading(tmp_path: Path) -> None:
@@ -117,7 +126,12 @@ def test_a_sheet_has_all_tasks_and_one_key(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ('kinds', 'tables'),
-    [(['newton'], 1), (['newton', 'grashof'], 2), (['toggle', 'grashof', 'limits'], 1)],
+    [
+        (['newton'], 1),
+        (['newton', 'grashof'], 2),
+        (['newton', 'toggle'], 1),
+        (['toggle', 'grashof', 'limits'], 1),
+    ],
 )
 def test_tables_of_a_key_fit_on_the_paper(kinds: list[str], tables: int) -> None:
     assignment = Assignment(dict.fromkeys(kinds, 1.0), {'1': ''})
@@ -172,6 +186,39 @@ def test_a_row_of_a_form_is_the_answers_of_a_student(
     assert ('Carimbo de data/hora' in shown) == (name == 'Google Forms')
 
 
+@pytest.mark.parametrize(
+    'heading', ['newton theta_2', '1. θ₂', 'Newton: θ2 (°)', 'task 1 θ_2 [deg]', 'Theta 2']
+)
+def test_a_heading_has_the_symbols_of_the_sheet(
+    tmp_path: Path, capsys: Capture, heading: str
+) -> None:
+    folder = make(tmp_path, '--kind', 'newton')
+    angle = make_variant(KINDS['newton'], '0123').answers['theta_2']
+    path = written(tmp_path, f'NUSP;{heading.replace("1", "3")}\n0123;{angle:.3f}\n')
+    capsys.readouterr()
+    assert main(['mark', path, '--folder', str(folder)]) == 0
+    assert '0123  newton  1 of 15' in capsys.readouterr().out
+
+
+def test_the_report_has_the_points_of_the_class(tmp_path: Path, capsys: Capture) -> None:
+    numbers = ['1', '01', '2', '3']
+    folder = make(tmp_path, '--language', 'pt', content='\n'.join(['student', *numbers]))
+    rows = ['student;Z;L_3_S;L_3_F']
+    for student, count in {'1': 3, '2': 1, '3': 0, '001': 3}.items():
+        variant = make_variant(KINDS['toggle'], student)
+        texts = [right(variant, q.name) for q in variant.kind.questions]
+        rows.append(';'.join([student, *texts[:count], *['x'] * (3 - count)]))
+    path = written(tmp_path, '\n'.join(rows))
+    capsys.readouterr()
+    assert main(['mark', path, '--folder', str(folder)]) == 1
+    shown = capsys.readouterr().out
+    assert 'pontos de 3,5: média 0,6667, quartis 0,25, 0,5, 1\n' in shown
+    assert 'questão mais difícil, 33 % dos pontos: toggle L_3_S\n' in shown
+    assert 'sem respostas: 01\n' in shown
+    # Of 1 and 01 it may be either.
+    assert 'student 001 is not in the class; did you mean 01?' in shown
+
+
 def test_rows_of_a_form_that_are_guessed_doubled_or_unknown_are_named(
     tmp_path: Path, capsys: Capture
 ) -> None:
@@ -214,6 +261,9 @@ def test_a_table_without_questions_is_refused(
 
 
 def test_a_heading_of_two_tasks_needs_the_kind(tmp_path: Path, capsys: Capture) -> None:
+    path = written(tmp_path, 'student,1 f_1\n1,2\n')
+    # Tasks have numbers on a sheet alone.
+    assert main(['mark', path]) == 2
     path = written(tmp_path, 'student,swing\n1,2\n')
     assert main(['mark', path]) == 2
     assert 'put the kind before swing: limits, quick-return' in capsys.readouterr().err
