@@ -190,7 +190,7 @@ def _key(options: argparse.Namespace) -> int:
     language = options.language or LANGUAGES[0]
     for name, number in variant.givens.items():
         print(f'{name} = {with_unit(number, unit_of(name), language)}')
-    print()
+    print(f'\n{kind.note(language)}'.rstrip())
     for step in variant.steps:
         print(f'{step.symbol} = {with_unit(step.value, step.unit, language)}    {step.formula}')
     print()

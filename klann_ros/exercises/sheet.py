@@ -22,6 +22,7 @@ SHEET_PARTS = Parts(styles=(STATIC / 'sheet.css',), scripts=())
 # Columns of a table of the key, on paper across.
 MAX_KEY_COLUMNS = 18
 SUBSCRIPT = re.compile(r'_(\([^)]*\)|[A-Za-z0-9α-ω]+(?:,[A-Za-z0-9]+)*)')
+MINUS = re.compile(r'(?<!\w)-')
 SINE = re.compile(r'\b(a?)sin\b')
 SUBSCRIPTS = str.maketrans('1234', '₁₂₃₄')
 # Rows of a column of givens; rounding errors, in any unit that is printed.
@@ -112,7 +113,8 @@ def key(assignment: Assignment, students: Sequence[Sequence[Variant]], *, has_st
             rows.append([f'{variants[0].student} {variants[0].name}'])
         for task in tasks:
             content.append(_task_heading(assignment, task + 1, students[0][task]))
-            content.append(element('p', _note(students[0][task], language), class_='note'))
+            note = rich(students[0][task].kind.note(language))
+            content.append(element('p', note, class_='note'))
             for question in students[0][task].kind.questions:
                 unit = element('small', unit_sign(question.unit))
                 name = question_symbol(question, language)
@@ -169,14 +171,8 @@ def problem(variant: Variant, language: str, *, has_note: bool = True) -> Markup
         task += [rich(line), element('br')]
     note = element('p', rich(words['sheet']['degrees'][language]), class_='note')
     drawing = element('div', picture(variant), *givens, class_='given')
-    text = element('p', *task, _note(variant, language))
+    text = element('p', *task, rich(variant.kind.note(language)))
     return joined([text, *[note] * has_note, drawing])
-
-
-def _note(variant: Variant, language: str) -> Markup:
-    """Return what a kind says of its assembly mode or its design."""
-    note = data()['kinds'][variant.kind.name].get('note')
-    return rich(texts()['notes'][note][language]) if note else Markup('')
 
 
 def _answers(variant: Variant, language: str, *, solved: bool = False) -> Markup:
@@ -292,8 +288,7 @@ def symbol(name: str) -> Markup:
 
 def rich(text: str) -> Markup:
     """Return a text whose underscores are subscripts."""
-    minus = text.replace(' -', ' \N{MINUS SIGN}').replace('= -', '= \N{MINUS SIGN}')
-    pieces: list[str] = SUBSCRIPT.split(minus)
+    pieces: list[str] = SUBSCRIPT.split(MINUS.sub('\N{MINUS SIGN}', text))
     pieces[1::2] = [element('sub', subscript.strip('()')) for subscript in pieces[1::2]]
     return joined(pieces)
 

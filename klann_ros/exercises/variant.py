@@ -124,6 +124,10 @@ class Kind:
             mistakes += [f'phi:{row},{column}' for column in rows]
         return (*mistakes, *data()['mistakes']['calculation'].split())
 
+    def note(self, language: str) -> str:
+        """Return what sheet and key say of the assembly mode or the design, if anything."""
+        return str(texts()['notes'].get(self._content.get('note'), {}).get(language, ''))
+
     def draw(self, draw: Draw) -> dict[str, float]:
         """Return givens, in mm, deg, s and N."""
         givens: dict[str, float] = {}

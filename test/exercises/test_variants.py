@@ -4,6 +4,7 @@ from math import isfinite
 
 from klann_ros.exercises import ExerciseError, KINDS, make_variant
 from klann_ros.exercises.calculation import Calculation, data
+from klann_ros.exercises.sheet import Assignment, key, sheets
 from klann_ros.exercises.variant import difference, Draw, LANGUAGES, texts
 from klann_ros.kinematics import KinematicsError
 import pytest
@@ -50,15 +51,15 @@ def test_the_key_agrees_with_the_courses_formulas(name: str) -> None:
         givens = kind.draw(draw)
         worked, guarded = kind.calculated(givens), kind.calculated(givens, guard)
         try:
-            key = kind.key(givens) if worked and guarded else {}
+            right_answers = kind.key(givens) if worked and guarded else {}
         except KinematicsError:
             continue
         # A crank-rocker's limits are asked of a crank-rocker alone.
-        if not worked or {question.name for question in kind.questions} > set(key):
+        if not worked or {question.name for question in kind.questions} > set(right_answers):
             continue
         compared += 1
         for question in kind.questions:
-            right, by_hand = key[question.name], worked.answers[question.name]
+            right, by_hand = right_answers[question.name], worked.answers[question.name]
             if isinstance(right, str) or isinstance(by_hand, str):
                 assert right == by_hand
             else:
@@ -112,9 +113,18 @@ def test_every_text_exists_in_both_languages(name: str) -> None:
         assert words['kinds'][name][language]['title']
         assert words['kinds'][name][language]['task']
         assert all(words['slips'][slip][language] for slip in words['slips'])
+        assert bool(KINDS[name].note(language)) == ('note' in data()['kinds'][name])
     assert variant.steps
     assert {*variant.answers} == {question.name for question in variant.kind.questions}
     assert all(isfinite(step.value) for step in variant.steps)
+
+
+@pytest.mark.parametrize('language', LANGUAGES)
+def test_sheet_and_key_say_what_a_design_does(language: str) -> None:
+    assignment = Assignment({'three-poses': 1.0}, {'1': ''}, language)
+    note = KINDS['three-poses'].note(language)
+    assert note in sheets(assignment, assignment.variants())
+    assert note in key(assignment, assignment.variants(), has_steps=False)
 
 
 def test_a_student_keeps_the_exercise_of_the_first_release() -> None:

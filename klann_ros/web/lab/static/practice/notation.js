@@ -7,7 +7,7 @@ const SINES = { sin: 'sen', asin: 'arcsen' };
 
 /** Return a text, whose underscores are subscripts, as nodes. */
 function rich(text) {
-  const parts = text.replaceAll(' -', ' −').replaceAll('= -', '= −').split(SUBSCRIPT);
+  const parts = text.replace(/(?<![\p{L}\d_])-/gu, '−').split(SUBSCRIPT);
   return parts.map((part, n) => (n % 2 ? made('sub', '', part.replace(/[()]/g, '')) : part));
 }
 
