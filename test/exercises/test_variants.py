@@ -29,6 +29,8 @@ FOUR_BAR = {'L_1': 180, 'L_2': 80, 'L_3': 200, 'L_4': 150, 'theta_2': 60}
 FOUR_BAR_POSE = {'Z': 156.20, 'mu': 50.58, 'alpha': 81.53, 'beta': 26.33, 'theta_4': 72.14}
 FOUR_BAR_NEWTON = {'f_1': -27.138, 'f_2': 26.675, 'theta_3_2': 21.812, 'theta_4_2': 71.864}
 FOUR_BAR_NEWTON |= {'theta_3': 21.5576353, 'theta_4': 72.1376951}
+THREE_POSES = {'x_P2': 45, 'y_P2': 70, 'psi_2': 29, 'x_P3': 80, 'y_P3': -40, 'psi_3': 60}
+FOUR_POSES = {'x_P2': 45, 'y_P2': 90, 'x_P3': 60, 'y_P3': -35, 'x_P4': 150, 'y_P4': -30}
 
 
 @pytest.mark.parametrize('name', KINDS)
@@ -103,6 +105,21 @@ def test_newton_must_reach_the_drawn_assembly_in_3_to_6_iterations(
     assert kind.calculated(givens) is None
     # A student with a mistake goes on.
     assert kind.calculated(givens, 'rounding:3') is not None
+
+
+@pytest.mark.parametrize(
+    ('name', 'givens'),
+    [
+        # A bar of any length that turns with the coupler.
+        ('four-poses', {'beta_2': 30, 'psi_2': 30, 'psi_3': 26, 'psi_4': 40} | FOUR_POSES),
+        # The crank turns back from the second pose.
+        ('three-poses', THREE_POSES | {'x_A': 100, 'y_A': -60, 'x_B': 100, 'y_B': 50}),
+        # Nearly a change point: l + s = p + q - 0.0002 mm.
+        ('quick-return-design', {'Q': 1.56, 'swing': 74, 'L_4': 278, 'L_2': 53}),
+    ],
+)
+def test_a_design_with_a_defect_is_no_variant(name: str, givens: dict[str, float]) -> None:
+    assert KINDS[name].calculated(givens) is None
 
 
 @pytest.mark.parametrize('name', KINDS)
