@@ -71,10 +71,10 @@ def read_table(
         columns = _columns(heads, spellings)
         required = next(iter(spellings))
         if required not in columns:
-            usual = ', '.join(spelling.strip('~') for spelling in spellings[required][:3])
+            usual = [text for text in spellings[required] if not text.startswith('~')]
             raise error_type(
-                f'{file} has no column {required}, such as {usual}; its columns are '
-                f'{listed(heads, 8)}; {advice}'
+                f'{file} has no column {required}, such as {", ".join(usual[:3])}; its columns '
+                f'are {listed(heads, 8)}; {advice}'
             )
         for column in columns.values():
             if [*map(plain, heads)].count(plain(heads[column])) > 1:

@@ -85,9 +85,10 @@ def load_assignment(folder: Path) -> Assignment | None:
 
 def check_same(assignment: Assignment, folder: Path) -> None:
     """Raise an OutputError if a folder remembers another assignment than one with its secret."""
-    remembered = load_assignment(folder) or assignment
-    secrets = {remembered.secret, fingerprint(assignment.secret)}
-    is_same_secret = remembered is assignment or len(secrets) == 1
+    remembered = load_assignment(folder)
+    if remembered is None:
+        return
+    is_same_secret = remembered.secret == fingerprint(assignment.secret)
     if {*remembered.points} != {*assignment.points} or not is_same_secret:
         raise OutputError(
             f'-o {printable(folder)} has answers to other sheets: {summary(remembered)}; choose a '
@@ -164,11 +165,10 @@ def read_students(path: str, headings: Mapping[str, str]) -> tuple[dict[str, str
     repeated = []
     notes = _guesses(table)
     for place, _, cells in table.rows:
-        name = printable(cells.get('name', '').strip())
-        surname = printable(cells.get('surname', '').strip())
+        columns = (cells.get(column, '').strip() for column in ('student', 'name', 'surname'))
+        student, name, surname = map(printable, columns)
         if not name.endswith(surname):
             name = f'{name} {surname}'.strip()
-        student = cells['student'].strip()
         if 'name' in table.headings and not name and (' ' in student or not student):
             # A line below the class, such as 'Total: 40'.
             notes.append(f'left out: {place}')

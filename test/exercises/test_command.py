@@ -87,7 +87,7 @@ def test_the_template_filled_in_is_marked(students: Path, tmp_path: Path, capsys
     [
         (
             'Turma\n1\n',
-            'numero usp, matricula, student id; its columns are Turma; name it by --column',
+            'such as matricula, student id, ra; its columns are Turma; name it by --column',
         ),
         ('student\n', 'has 0 students'),
         ('student\n1\n1\n', 'has students twice: 1'),

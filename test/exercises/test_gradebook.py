@@ -30,10 +30,12 @@ CLASS_LISTS = {
     'e-Disciplinas': 'Nome,Sobrenome,Número USP,Endereço de email,Total do curso (Real),'
     'Último download realizado neste curso.\nAna,Sá,0123,,-,\nEva,Luz,0456,,-,\n',
     'Júpiter': 'Universidade de São Paulo\nDisciplina: SEM0104 - Mecanismos;;;\n;;;\n'
-    'Seq.;Nº USP;Nome;Curso\n1;0123;Ana Sá;18003\n2;0456;Eva Luz;18003\n;;;\nTotal: 2 alunos;;;\n',
+    'Seq.;Nº USP;Nome;Curso\n1;0123;Ana Sá;18003\n2;0456;Eva Luz;18003\n;;;\nTotal: 2 alunos\n',
     'SIGAA': 'Matrícula\tNome\tCurso\n0123\tAna Sá\tMEC\n0456\tEva Luz\tMEC\n',
     'RA': 'RA;NOME COMPLETO;E-MAIL\n0123;Ana Sá;a@x\n0456;Eva Luz;e@x\n',
     'form': 'Carimbo de data/hora,Qual é o seu Número USP?,Nome\n,0123,Ana Sá\n,0456,Eva Luz\n',
+    'status of enrolment': 'Situação da matrícula;Nome;Nº USP\nMA;Ana Sá;0123\nMA;Eva Luz;0456\n',
+    'date of enrolment': 'Data da matrícula;RA;Nome\n1/2;0123;Ana Sá\n1/2;0456;Eva Luz\n',
     'both names': 'Nome completo,Sobrenome,Nº USP\nAna Sá,Sá,0123\nEva Luz,Luz,0456\n',
     'aluno': 'NUSP;Aluno(a)\n0123;Ana Sá\n0456;Eva Luz\n',
     'Canvas': 'Student,Student ID,SIS User ID,Section\nAna Sá,0123,x,1\nEva Luz,0456,x,1\n',
