@@ -110,6 +110,7 @@ function grashofText(linkage) {
   const loop = fourBarOf(linkage);
   if (!loop) return '';
   const { sums, kind, motion } = grashofOf(loop.lengths);
+  if (!kind) return '';
   const sign = { I: '<', II: '>', III: '=' }[kind];
   const motions = say('motions')[motion] || motion;
   return say('grashof', loop.names.join(', '), ...sums.map(lengthText), sign, kind, motions);

@@ -63,12 +63,17 @@ function drivenArcs(block) {
   ];
 }
 
-/** Return Grashof's law for a four-bar: its lengths, ground, crank, coupler, rocker [m], by mobility.py. */
+/**
+ * Return Grashof's law for lengths [m] of ground, crank, coupler and rocker: see mobility.py.
+ *
+ * The kind is '' where one is longer than the others together, so that they close nowhere.
+ */
 function grashofOf(lengths) {
   const [s, p, q, l] = [...lengths].sort((a, b) => a - b);
   const rounding = CONTACT_ROUNDING * l;
   const margin = p - s - (l - q);
-  const kind = Math.abs(margin) <= rounding ? 'III' : margin > 0 ? 'I' : 'II';
+  const order = Math.abs(margin) <= rounding ? 'III' : margin > 0 ? 'I' : 'II';
+  const kind = l > s + p + q + rounding ? '' : order;
   const turns = lengths.map((length) => Math.min(length, lengths[0]) <= s + rounding);
   const motions = [['double rocker', 'rocker-crank'], ['crank-rocker', 'double crank']];
   const motion = motions[Number(turns[1])][Number(turns[3])];
