@@ -35,15 +35,14 @@ TEXT = (SHIPPED / 'klann.yaml').read_text(encoding='utf-8')
 HOSTILE = '</script><img src=http://a.test/ onerror=bad()>&amp;'
 # As SEM 104 prints them [deg].
 PRINTED = ['10.5138 67.0074 36.7323 45.7048', '10.6570 67.3283 34.4691 45.7564']
-PRINTED += ['10.6570 67.3283 34.4634 45.7220']
+PRINTED += ['10.6570 67.3283 34.4634 45.7220'] * 3
 # The four-bar course: estimates [deg] and corrections [rad, deg] of each step, as it prints them
 # but for its slips: it has 72.1377 in row 4, and so other last digits from there on.
 FOUR_BAR_ESTIMATES = ['15.000 80.000', '21.812 71.864', '21.560 72.139', '21.5577 72.1376']
-FOUR_BAR_CORRECTIONS = [
-    '0.1189 rad 6.812° -0.1420 rad -8.136°',
-    '-0.0044 rad -0.252° 0.0048 rad 0.275°',
-]
-FOUR_BAR_CORRECTIONS += ['-0.000041 rad -0.00235° -0.000024 rad -0.00138°']
+FOUR_BAR_DEGREES = ['6.812° -8.136°', '-0.252° 0.275°', '-0.00235° -0.00138°']
+FOUR_BAR_STEPS = read_table(
+    Path(__file__).parents[2] / 'kinematics' / 'four_bar' / 'iterations.yaml'
+)
 FOUR_BAR_ROOT = 21.557634918, 72.137650451
 # Without their files' word they would be legs.
 COUPLER_POINTS = {
@@ -438,15 +437,23 @@ def test_it_turns_and_stops(lab: Opened) -> None:
     assert lab.page.evaluate('lab.alpha') == alpha
 
 
-def test_the_lectures_twelve_numbers_are_in_the_table(lab: Opened) -> None:
+def test_all_numbers_of_the_lecture_are_in_the_table(lab: Opened) -> None:
     lab.page.evaluate("lab.choose('jansen')")
     lab.page.locator('#lecture').click()
-    for iterate, printed in zip(
-        lab.page.locator('#iterates tbody tr').all()[1:4], PRINTED, strict=True
-    ):
+    iterates = lab.page.locator('#iterates tbody tr').all()
+    for iterate, printed in zip(iterates[1:], PRINTED, strict=True):
         assert iterate.locator('td').all_text_contents()[:4] == printed.split()
     verdict = 'Converged after 5 corrections, to the assembly [+ +], the one drawn.'
     assert lab.text('#verdict') == verdict
+
+
+def matrices(lab: Opened) -> list[list[str]]:
+    """Return the cells of f, Phi and the correction of the step that is shown."""
+    cells = []
+    for table in lab.page.locator('#step table').all():
+        texts = table.locator('td').all_text_contents()
+        cells.append([text.replace('\N{MINUS SIGN}', '-') for text in texts])
+    return cells
 
 
 def test_the_four_bar_course_rounds_its_corrections(lab: Opened) -> None:
@@ -455,18 +462,22 @@ def test_the_four_bar_course_rounds_its_corrections(lab: Opened) -> None:
     estimates = [' '.join(row.locator('td').all_text_contents()[:2]) for row in rows]
     assert estimates[:4] == FOUR_BAR_ESTIMATES
     assert len(estimates) == 5
-    for row, printed in enumerate(FOUR_BAR_CORRECTIONS, 1):
-        lab.page.locator('#iterate').select_option(str(row))
-        cells = lab.page.locator('#step table').last.locator('td').all_text_contents()
-        assert ' '.join(cells).replace('\N{MINUS SIGN}', '-') == printed
+    # Beyond the slip of the fourth row only Phi is printed.
+    for row, step in enumerate(FOUR_BAR_STEPS):
+        lab.page.locator('#iterate').select_option(str(row + 1))
+        f_cells, phi_cells, correction_cells = matrices(lab)
+        assert [*map(float, phi_cells)] == step['phi']
+        if row < 3:
+            assert [*map(float, f_cells)] == step['f']
+            radians = [float(cell.removesuffix(' rad')) for cell in correction_cells[::2]]
+            assert radians == step['correction']
+            assert ' '.join(correction_cells[1::2]) == FOUR_BAR_DEGREES[row]
     assert lab.page.locator('#slips').is_visible()
     # With its slip the course goes on to its printed result, but for the second slip.
     lab.page.evaluate('lab.setGuess([21.5577, 72.1377].map((angle) => (angle * TAU) / 360))')
     assert not lab.page.locator('#slips').is_visible()
     lab.page.locator('#iterate').select_option('1')
-    printed = ['-0.000040', '-0.000171']
-    terms = lab.page.locator('#step table').first.locator('td').all_text_contents()
-    assert [text.replace('\N{MINUS SIGN}', '-') for text in terms] == printed
+    assert matrices(lab)[0] == ['-0.000040', '-0.000171']
     lab.page.locator('#rounded').click()
     result = [f'{angle:.6f}' for angle in FOUR_BAR_ROOT]
     assert lab.text('#iterates tbody tr:last-child')[1:].startswith(''.join(result))
@@ -597,13 +608,6 @@ def test_fit_shows_why_it_jams(lab: Opened) -> None:
 
 
 def test_f_and_phi_of_each_step_are_those_of_the_lectures(lab: Opened) -> None:
-    def matrices() -> list[list[str]]:
-        cells = []
-        for table in lab.page.locator('#step table').all():
-            texts = table.locator('td').all_text_contents()
-            cells.append([text.replace('\N{MINUS SIGN}', '-') for text in texts])
-        return cells
-
     lab.page.locator('#lecture').click()
     for row, degrees in enumerate([[15.0, 60.0, 45.0, 60.0], None]):
         alpha, *x = lab.page.evaluate(f'newton.found.x[{row}]')
@@ -611,7 +615,7 @@ def test_f_and_phi_of_each_step_are_those_of_the_lectures(lab: Opened) -> None:
         lab.page.locator('#iterate').select_option(str(row + 1))
         geometry = KlannGeometry.sem104()
         expected = f(geometry, alpha, x), phi(geometry, x)
-        *terms, correction_cells = matrices()
+        *terms, correction_cells = matrices(lab)
         for cells, matrix in zip(terms, expected, strict=True):
             assert [*map(float, cells)] == pytest.approx(1e3 * matrix.ravel(), abs=6e-4)
         correction = -np.linalg.solve(expected[1], expected[0])
@@ -627,7 +631,7 @@ def test_f_and_phi_of_each_step_are_those_of_the_lectures(lab: Opened) -> None:
     # As the four-bar lecture prints them.
     lab.page.locator('#linkage').select_option('four_bar')
     printed = [['-27.138', '26.675'], ['51.764', '-147.721', '-193.185', '26.047']]
-    assert matrices()[:2] == printed
+    assert matrices(lab)[:2] == printed
 
 
 def test_the_portuguese_page_has_the_same_content(visit) -> None:
