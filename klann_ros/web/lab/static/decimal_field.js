@@ -89,9 +89,8 @@ class DecimalField {
   read(isEnd) {
     const { lab, input, unit } = this;
     lab.begin();
-    lab.revert();
-    this.revert();
-    lab.attempt(() => {
+    lab.replace(() => {
+      this.revert();
       const number = quantityOf(input.value, unit, isEnd);
       this.isIncomplete = number === null;
       if (number !== null) this.take(number);

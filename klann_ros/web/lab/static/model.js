@@ -140,11 +140,16 @@ class Lab {
     Object.assign(this, { before: this.snapshot(), isTurned: false });
   }
 
-  /** Undo what has been changed since `begin`. */
-  revert() {
-    this.restore(this.before, this.alpha);
-    if (!this.refusal) return;
-    this.refusal = null;
+  /** Make an edit in place of what has been changed since `begin`; what makes none takes it back. */
+  replace(act) {
+    const { linkage, guess, before } = this;
+    Object.assign(this, before, { alpha: this.alpha, refusal: null });
+    this.attempt(act);
+    if (EDITED.some((key) => before[key] !== this[key])) return;
+    const { refusal } = this;
+    if (linkage !== this.linkage) this.change(this.linkage);
+    if (guess !== this.guess) this.tell('guess');
+    this.refusal = refusal;
     this.tell('pose');
   }
 
