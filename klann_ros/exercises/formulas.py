@@ -413,16 +413,19 @@ def _function_four_points(c: Calculation) -> None:
 
 
 def _circle_centre(
-    c: Calculation, symbols: str, point: Sequence[Any], others: Sequence[Sequence[Any]], text: str
+    c: Calculation, point: str, centre_and_bar: str, later: Sequence[Sequence[Any]], text: str
 ) -> None:
-    """Work the centre of the circle through three points that are not in line."""
-    x, y = point
-    (x_2, y_2), (x_3, y_3) = others
+    """Work the centre and the radius of the circle through a point's three places, not in line."""
+    centre, bar = centre_and_bar.split()
+    x, y = c.read(f'x_{point} y_{point}')
+    (x_2, y_2), (x_3, y_3) = later
     area = abs((x_2 - x) * (y_3 - y) - (y_2 - y) * (x_3 - x))
     c.require(area >= 0.2 * c.hypot(x_2 - x, y_2 - y) * c.hypot(x_3 - x, y_3 - y))
     rows = ((2 * (x_2 - x), 2 * (y_2 - y)), (2 * (x_3 - x), 2 * (y_3 - y)))
     right = (x_2**2 + y_2**2 - x**2 - y**2, x_3**2 + y_3**2 - x**2 - y**2)
-    c.solve(f'{symbols} mm', rows, right, text)
+    c.solve(f'x_{centre} y_{centre} mm', rows, right, text)
+    x_c, y_c = c.read(f'x_{centre} y_{centre}')
+    c.result(f'{bar} mm', c.hypot(x - x_c, y - y_c), f'|{point} {centre}|')
 
 
 def _moved(c: Calculation, pin: str, k: int) -> tuple[Any, Any]:
@@ -434,17 +437,13 @@ def _moved(c: Calculation, pin: str, k: int) -> tuple[Any, Any]:
 def _three_poses(c: Calculation, *, is_sound: bool = True) -> None:
     """Work the pivots of given pins of the coupler, the centres of their circles."""
     for pin, pivot, bar in (('A', 'O2', 'L_2'), ('B', 'O4', 'L_4')):
-        x, y = c.read(f'x_{pin} y_{pin}')
         moved = []
         for k in (2, 3):
             text = f'P_{k} + R(ψ_{k}) {pin}_1'
             places = zip('xy', _moved(c, pin, k), strict=True)
             moved.append([c.step(f'{axis}_{pin}{k} mm', place, text) for axis, place in places])
-        symbols = f'x_{pivot} y_{pivot}'
         text = ' = '.join(f'|{pin}_{k} {pivot}|' for k in (1, 2, 3))
-        _circle_centre(c, symbols, (x, y), moved, text)
-        x_o, y_o = c.read(symbols)
-        c.result(f'{bar} mm', c.hypot(x - x_o, y - y_o), f'|{pin}_1 {pivot}|')
+        _circle_centre(c, pin, f'{pivot} {bar}', moved, text)
     _coupler_poses(c, is_sound)
 
 
@@ -505,11 +504,8 @@ def _three_poses_pivots(c: Calculation) -> None:
             x_k = c.step(f'x_{pivot}_{k} mm', x * c.cos(psi) + y * c.sin(psi), text)
             y_k = c.step(f'y_{pivot}_{k} mm', y * c.cos(psi) - x * c.sin(psi), text)
             seen.append((x_k, y_k))
-        symbols = f'x_{pin} y_{pin}'
         text = f'|{pin} {pivot}| = |{pin} {pivot}_2| = |{pin} {pivot}_3|'
-        _circle_centre(c, symbols, (x_o, y_o), seen, text)
-        x, y = c.read(symbols)
-        c.result(f'{bar} mm', c.hypot(x - x_o, y - y_o), f'|{pin} {pivot}|')
+        _circle_centre(c, pivot, f'{pin} {bar}', seen, text)
         for k in (2, 3):
             for axis, place in zip('xy', _moved(c, pin, k), strict=True):
                 c.define(f'{axis}_{pin}{k}', place)

@@ -177,8 +177,10 @@ def _pose_shapes(
         # Beside the bar, away from the letters of its ends.
         letters = sum(complex(*drawing.free_side(point)) for point in bar)
         side = 1.0 if (normal * letters).real < 0.0 else -1.0
-        middle = (start + end) / 2.0 + side * normal
-        yield _text(middle.real, middle.imag, name)
+        places = [start + part * (end - start) + side * normal for part in (0.5, 0.75)]
+        pixels = [complex(*point) for point in view.points(drawing.at([*drawing.points]))]
+        place = max(places, key=lambda place: min(abs(place - pixel) for pixel in pixels))
+        yield _text(place.real, place.imag, name)
     for name, point in drawing.points.items():
         if name in drawing.on_bars:
             ((x, y),) = view.points(point[None])
