@@ -382,8 +382,11 @@ def save_template(assignment: Assignment, is_wide: bool, file: BinaryIO) -> None
     if is_wide:
         heads = [assignment.word(name) for name in ('student', 'name')]
         for kind, question in questions:
+            words = texts()['questions'].get(question.name, {}).get(language, '')
+            has_words_alone = question.name in data()['notation']['words'].split()
             sign = unit_sign(question.unit)
-            heads.append(f'{kind} {question.name}{sign and f" ({sign})"}')
+            name = words if has_words_alone else question.name
+            heads.append(f'{kind} {name}{sign and f" ({sign})"}')
         blanks = [''] * len(questions)
         _save(
             heads, [(*student, *blanks) for student in assignment.students.items()], language, file
@@ -485,8 +488,8 @@ def class_summary(class_marks: Marks, assignment: Assignment) -> list[str]:
     for (_, kind), marks in class_marks.items():
         for answer_mark in marks:
             shares.setdefault(f'{kind} {answer_mark.question}', []).append(answer_mark.points)
-    if shares:
-        question = min(shares, key=lambda name: fmean(shares[name]))
+    question = min(shares, key=lambda name: fmean(shares[name]), default='')
+    if question and fmean(shares[question]) < 1.0:
         share = round(100.0 * fmean(shares[question]))
         lines.append(f'{assignment.word("hardest", share)}: {question}')
     if absent := [student for student in assignment.students if student not in totals]:

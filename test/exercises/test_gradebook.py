@@ -12,7 +12,13 @@ from typing import Any
 from browser_page import OpenedPage
 from klann_ros.exercises import ExerciseError, KINDS, make_variant, Variant
 from klann_ros.exercises.command import main
-from klann_ros.exercises.gradebook import load_assignment, read_students, read_tasks
+from klann_ros.exercises.gradebook import (
+    Answers,
+    load_assignment,
+    read_students,
+    read_tasks,
+    save_template,
+)
 from klann_ros.exercises.sheet import Assignment, key, sheets
 import pytest
 
@@ -186,6 +192,26 @@ def test_a_row_of_a_form_is_the_answers_of_a_student(
         assert f'{student}  toggle  1.5 of 1.5' in shown
         assert f'{student}  grashof  2 of 2' in shown
     assert ('Carimbo de data/hora' in shown) == (name == 'Google Forms')
+
+
+@pytest.mark.parametrize('language', ['en', 'pt'])
+def test_the_wide_table_of_all_kinds_is_read_back(tmp_path: Path, language: str) -> None:
+    assignment = Assignment(dict.fromkeys(KINDS, 1.0), ANA_EVA, language)
+    path = tmp_path / 'answers.csv'
+    with path.open('wb') as file:
+        save_template(assignment, True, file)
+    heads, *rows = path.read_text('utf-8-sig').splitlines()
+    assert 'grashof grashof' not in heads
+    delimiter = ';' if language == 'pt' else ','
+    filled = [
+        f'{row.split(delimiter)[0]}{f"{delimiter}7" * heads.count(delimiter)}' for row in rows
+    ]
+    path.write_text('\n'.join([heads, *filled]), 'utf-8-sig')
+    answers = Answers(str(path), assignment, {})
+    assert not [note for note in answers.notes if 'question' in note]
+    for kind in KINDS.values():
+        expected = {question.name: '7' for question in kind.questions}
+        assert answers.texts['0123', kind.name] == expected
 
 
 @pytest.mark.parametrize(
