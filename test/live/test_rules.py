@@ -309,9 +309,22 @@ TOLD = [
     ('within +-1e+06 rad', 'within +-57295800°'),
     *[(text, text) for text in ('it must be > 0', '3 messages, 2 m2, 5 m/s², 7 min, 1 rad/s2')],
 ]
+# Refusals of l_ab, and what the page adds to the number as it was typed.
+REFUSALS = [
+    ('l_ab = -0.003 is refused: a length must be > 0', 'a length must be > 0'),
+    (
+        'l_ab = 40 rad is refused: a bend must be within +-2 pi rad; if 40 deg are meant, give 1',
+        'a bend must be within +-360°',
+    ),
+    (
+        'these lengths are refused: at no crank angle',
+        'these lengths are refused: at no crank angle',
+    ),
+]
 CONVERSIONS = """
-function answer({ texts, lengths, angles }) {
+function answer({ texts, refusals, lengths, angles }) {
   return {
+    refusals: refusals.map((text) => withoutNumber(text, 'left.l_ab')),
     texts: texts.map(inPageUnits),
     metres: lengths.map((length) => inSiUnit(Number(length), 'm')),
     shown: lengths.map((length) => inPageUnit(inSiUnit(Number(length), 'm'), 'm')),
@@ -327,8 +340,10 @@ def test_the_page_tells_millimetres_and_degrees_and_sends_si_units_exactly() -> 
     lengths = [f'{n}.{17 * n % 1000:03}' for n in range(1, 3000)] + ['-0.001', '1e6', '0']
     angles = [0.1 * n for n in range(-3600, 3601)]
     given = {'texts': [sent for sent, _ in TOLD], 'lengths': lengths, 'angles': angles}
-    space = Path(str(resources.files('klann_ros') / 'live' / 'static' / 'space.js'))
-    told = in_node(CONVERSIONS, given, [space])
+    given['refusals'] = [sent for sent, _ in REFUSALS]
+    folder = Path(str(resources.files('klann_ros') / 'live' / 'static'))
+    told = in_node(CONVERSIONS, given, [folder / 'space.js', folder / 'tables.js'])
+    assert told['refusals'] == [shown for _, shown in REFUSALS]
     assert told['texts'] == [shown for _, shown in TOLD]
     assert told['metres'] == [float(Decimal(length) / 1000) for length in lengths]
     assert told['shown'] == [*map(float, lengths)]

@@ -34,7 +34,9 @@ function diagnosis(group) {
   mark.setAttribute('aria-label', status.level);
   const own = status.meaning && status.level !== 'ok' ? make('em', '', inPageUnits(status.text)) : '';
   const figures = Object.entries(status.figures).map(([key, value]) =>
-    key === 'residual' ? inPageUnits(`${key} ${value} m`) : `${key} ${value}`,
+    key === 'residual' && Number.isFinite(Number(value))
+      ? inPageUnits(`${key} ${value} m`)
+      : `${key} ${value}`,
   );
   const text = make(
     'div',
@@ -178,8 +180,11 @@ class LengthFields {
     const answer = isNumber
       ? await this.live.request({ command: 'set', target: node, values: { [name]: value } })
       : { done: false, message: 'a number is missing' };
-    input.classList.toggle('refused', !answer.done);
-    input.setAttribute('aria-invalid', String(!answer.done));
+    for (const field of this.fields.values()) {
+      const isRefused = field === input && !answer.done;
+      field.classList.toggle('refused', isRefused);
+      field.setAttribute('aria-invalid', String(isRefused));
+    }
     this.state.classList.toggle('bad', !answer.done);
     const shown = isNumber ? `${name} = ${quantityText(inPageUnit(value, unit), unit)}: ` : `${name}: `;
     this.state.textContent = answer.done
@@ -189,10 +194,11 @@ class LengthFields {
   }
 }
 
-/** Return a refusal without its begin "NAME = NUMBER is refused: ", whose number is in SI units. */
+/** Return a refusal without its number in SI units, and without what is meant for those who send them. */
 function withoutNumber(message, name) {
   const begin = `${name.split('.').pop()} = `;
   const end = ' is refused: ';
   const at = message.indexOf(end);
-  return message.startsWith(begin) && at > 0 ? message.slice(at + end.length) : message;
+  const reason = message.startsWith(begin) && at > 0 ? message.slice(at + end.length) : message;
+  return reason.replace(/; if [^;]* meant, .*/, '').replace('2 pi rad', '360°');
 }
