@@ -1,5 +1,5 @@
 """
-The counts of the exercises: distinct variants, right answers refused, slips named rightly.
+The counts of the exercises: variants, right answers refused, wrong ones paid, slips named rightly.
 
 Half of the wrong answers are computed by the equations of the tests, which the marking does not
 know; these students also round in another way than the marking assumes.
@@ -8,7 +8,7 @@ know; these students also round in another way than the marking assumes.
 from collections import Counter
 from collections.abc import Callable, Mapping
 from itertools import cycle
-from math import floor, log10, radians
+from math import degrees, floor, log10, pi, radians
 import random
 import sys
 from typing import Any
@@ -29,6 +29,51 @@ RIGHT = sized(100, 2000, 10_000)
 SLIPS = [*texts()['slips']]
 KLANN = ('gamma', 'beta', 'delta', 'theta')
 Answers = dict[str, float]
+# Units as they are written, and their sizes in the unit asked for.
+UNITS: dict[str, dict[str, float]] = {
+    'deg': {
+        '°|º|deg|degrees|graus|Graus|grau': 1.0,
+        'rad|radians|radianos|RAD|rd': degrees(1.0),
+        'rev|voltas': 360.0,
+        "'": 1.0 / 60.0,
+    },
+    'mm': {
+        'mm|MM|millimetres|milímetros': 1.0,
+        'cm|centímetros': 10.0,
+        'm|metros|metres': 1e3,
+        'in|polegadas|inches': 25.4,
+        'km': 1e6,
+    },
+    'mm/s': {
+        'mm/s|mm·s⁻¹|mm s^-1|mm*s^-1|mm.s-1|mm por segundo|mm per second': 1.0,
+        'm/s|m·s⁻¹|m/seg|metros por segundo': 1e3,
+        'cm/s': 10.0,
+        'm/min': 1e3 / 60.0,
+    },
+    'mm/s²': {
+        'mm/s²|mm/s^2|mm/s2|mm/s**2|mm s-2|mm/s/s|mm/(s^2)|mm/(s·s)': 1.0,
+        'm/s²|m/s^2|m·s⁻²|metres per second squared|metros por segundo ao quadrado': 1e3,
+        'cm/s²': 10.0,
+    },
+    'rad/s': {
+        'rad/s|rad.s-1|rad·s⁻¹|1/s|s^-1|s⁻¹|/s|RAD/S|radianos por segundo': 1.0,
+        'rpm|rev/min|rotações por minuto|RPM': pi / 30.0,
+        'deg/s|°/s|graus/s': radians(1.0),
+    },
+    'rad/s²': {
+        'rad/s²|rad/s^2|1/s^2|s⁻²|rad.s-2|rad/(s²)': 1.0,
+        'deg/s^2|°/s²': radians(1.0),
+    },
+    'N·m': {
+        'N·m|N*m|N.m|N m|Nm|nm|N-m|J|W·s': 1.0,
+        'kN·m|kNm|kN.m': 1e3,
+        'N·cm|N cm': 0.01,
+        'Nmm|N mm|N·mm|N.mm|N*mm': 1e-3,
+        'kgf·m|kgf.m': 9.80665,
+        'kgf.cm': 0.0980665,
+    },
+    '1': {'': 1.0},
+}
 
 
 def main() -> int:
@@ -40,8 +85,10 @@ def main() -> int:
         repeated += SEEDS - len(givens)
     print(f'{len(KINDS)} kinds, {SEEDS} seeds each: {repeated} repeated, aim 0')
     refused = _count_refused(chance)
-    print(f'{RIGHT} right answers: {refused} refused, aim 0')
-    met = [repeated == 0, refused == 0]
+    print(f'{RIGHT} right answers in any unit: {refused} refused, aim 0')
+    paid = _count_paid(chance)
+    print(f'{RIGHT // 2} answers wrong by 5 to 20 %: {paid} with points, aim 0')
+    met = [repeated == 0, refused == 0, paid == 0]
     for is_single, text in ((False, 'whole exercises'), (True, 'one in an exercise')):
         right, confusions = _count_named(chance, is_single=is_single)
         print(f'{WRONG} wrong answers, {text}: {right} slips named rightly, aim {WRONG * 9 // 10}')
@@ -64,6 +111,30 @@ def _count_refused(chance: random.Random) -> int:
     return refused
 
 
+def _count_paid(chance: random.Random) -> int:
+    """Return the number of wrong answers with points: alone, beside right ones, or all wrong."""
+    paid = marked = 0
+    while marked < RIGHT // 2:
+        variant = _draw_variant(chance)
+        answers: dict[str, str] = {}
+        wrong: set[str] = set()
+        case = chance.choice(['alone', 'beside right ones', 'all'])
+        asked = [question.name for question in variant.kind.questions if not question.choices]
+        chosen = asked if case == 'all' else [chance.choice(asked)]
+        for question in variant.kind.questions:
+            answer = variant.answers[question.name]
+            if question.name in chosen and not isinstance(answer, str):
+                error = chance.choice([-1.0, 1.0]) * chance.uniform(0.05, 0.2)
+                answers[question.name] = f'{answer * (1.0 + error):.{variant.kind.digits}g}'
+                wrong.add(question.name)
+            elif case == 'beside right ones':
+                answers[question.name] = _write_answer(chance, variant, question, answer)
+        marks = [marked for marked in mark(variant, answers) if marked.question in wrong]
+        marked += len(marks)
+        paid += sum(answer_mark.points > 0.0 for answer_mark in marks)
+    return paid
+
+
 def _draw_variant(chance: random.Random, names: list[str] | None = None) -> Variant:
     return make_variant(KINDS[chance.choice(names or [*KINDS])], str(chance.randrange(10**8)))
 
@@ -78,14 +149,14 @@ def _write_answer(
     if question.unit == 'count':
         return f'{answer:.0f}'
     digits = chance.randrange(variant.kind.digits, 9)
-    unit = {'deg': '°', '1': ''}.get(question.unit, question.unit)
     if question.unit == 'deg' and chance.random() < 0.2:
         answer += chance.choice([-360.0, 360.0])
         digits += 2
-    if question.unit == 'deg' and chance.random() < 0.2:
-        answer, digits, unit = radians(answer), digits + 2, 'rad'
-    elif question.unit == 'mm' and chance.random() < 0.2:
-        answer, unit = answer / 1e3, 'm'
+    names, factor = chance.choice([*UNITS[question.unit].items()])
+    unit = chance.choice(names.split('|'))
+    if factor != 1.0:
+        digits += 2
+    answer /= factor
     # As a person rounds: to significant digits, without an exponent.
     places = digits - 1 - floor(log10(abs(answer)))
     text = f'{answer:.{max(places, 0)}f}'
@@ -95,8 +166,13 @@ def _write_answer(
         text = text.replace('.', ',')
     if chance.random() < 0.3:
         text = text.replace('-', '\N{MINUS SIGN}')
-    needs_unit = unit in ('rad', 'm')
-    return f'{text} {unit}' if needs_unit or chance.random() < 0.5 else text
+    if unit and (factor != 1.0 or chance.random() < 0.5):
+        joint = ' ' if unit[0] == '1' else chance.choice([' ', '', '\u00a0'])
+        text = f'{text}{joint}{unit}'
+    if chance.random() < 0.1:
+        symbol = chance.choice(['x =', f'{question.name}=', 'θ_4 ≈'])
+        text = f'{symbol} {text}'
+    return text
 
 
 def _count_named(

@@ -8,7 +8,7 @@ that mistake, so that marking can name the slip. `formulas` has the formulas.
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from math import acos, atan2, cos, degrees, hypot, pi, radians, sin, sqrt
+from math import acos, atan2, cos, degrees, floor, hypot, inf, log10, nan, pi, radians, sin, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +20,8 @@ import numpy as np
 Answer = float | str
 DATA_FILE = Path(__file__).with_name('exercises.yaml')
 HALF_TURN, TURN_DEG = 180.0, 360.0
+# Determinant of rows of length 1 below which rounding decides whether a matrix has an inverse.
+SINGULAR = 1e-12
 
 
 class Step(NamedTuple):
@@ -67,6 +69,7 @@ class Calculation:
         self._input = input_angle
         self._slip, _, self._place = mistake.partition(':')
         self._digits = int(self._place) if self._slip == 'rounding' else 0
+        self._series = int(self._place) if self._slip == 'dither' else 0
         is_radian = mistake == 'radians:trig'
         self._to_rad, self._to_deg = (float, float) if is_radian else (radians, degrees)
         self._cosine, self._sine = (sin, cos) if mistake == 'sine:all' else (cos, sin)
@@ -92,11 +95,11 @@ class Calculation:
 
     def cos(self, angle: Any) -> Any:
         """Return the cosine of an angle [deg]; its sine by a mistake."""
-        return self._cosine(self._to_rad(angle))
+        return self._dithered(self._cosine(self._to_rad(angle)))
 
     def sin(self, angle: Any) -> Any:
         """Return the sine of an angle [deg]; its cosine by a mistake."""
-        return self._sine(self._to_rad(angle))
+        return self._dithered(self._sine(self._to_rad(angle)))
 
     def acos(self, cosine: Any) -> Any:
         """Return the angle of a cosine [deg]."""
@@ -172,7 +175,10 @@ class Calculation:
         return self._all_rounded(matrix), self._all_rounded(vector)
 
     def _solution(self, phi: FloatArray, f: FloatArray) -> FloatArray:
-        """Return Phi^-1 f [rad or rad/s], by this student."""
+        """Return Phi^-1 f [rad or rad/s], by this student; a LinAlgError where Phi is singular."""
+        size = np.prod(np.linalg.norm(phi, axis=1))
+        if abs(np.linalg.det(phi)) <= SINGULAR * size:
+            raise np.linalg.LinAlgError('singular')
         solution = np.asarray(np.linalg.solve(phi, f), dtype=np.float64)
         return -solution if self.mistake == 'sign:step' else solution
 
@@ -194,6 +200,9 @@ class Calculation:
         x, count = self._iterates(system, guess)
         last = x[min(int(self._place), len(x) - 1)] if self._slip == 'short' else x[-1]
         second = x[0] if self.mistake == 'short:1' else x[1]
+        limits = data()['iterations']
+        if np.abs(np.subtract(x[-1], x[-2])).max() > limits['lost']:
+            last = [nan] * len(last)
         for n, name in enumerate(system.unknowns):
             self.answers[f'{name}_2'] = second[n]
             self.answers[name] = last[n]
@@ -202,7 +211,6 @@ class Calculation:
             return
         closed = Calculation(self._givens, self.mistake, self._input)
         system.position(closed)
-        limits = data()['iterations']
         self.require(limits['fewest'] <= count <= limits['fair'])
         for name in system.unknowns:
             self.require(abs(closed[name] - self.answers[name]) <= limits['stop'])
@@ -260,12 +268,22 @@ class Calculation:
             self.result(f'{answer} mm', extent, f'max {name} - min {name}')
 
     def _all_rounded(self, numbers: FloatArray) -> FloatArray:
-        if not self._digits:
+        if not self._digits and not self._series:
             return numbers
         return np.asarray(np.vectorize(self._rounded)(numbers))
 
     def _rounded(self, number: Any) -> Any:
-        return float(f'{number:.{self._digits - 1}e}') if self._digits else number
+        if self._digits:
+            # Without the last bits of a tie.
+            return float(f'{float(f"{number:.11e}"):.{self._digits - 1}e}')
+        return self._dithered(number)
+
+    def _dithered(self, number: Any) -> Any:
+        """Return a number with an error below half its third digit, by its size and a series."""
+        if not self._series or not 0.0 < abs(number) < inf:
+            return number
+        second_digit = 10.0 ** (floor(log10(abs(number))) - 1)
+        return number + 0.05 * second_digit * sin(self._series * number / second_digit)
 
 
 @cache

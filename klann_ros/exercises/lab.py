@@ -6,7 +6,9 @@ step, `:=` of a result, which are traced by working the formulas with symbols fo
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
+from itertools import repeat
+import re
 from typing import Any
 
 from klann_ros.web import LAB_FILE, lab_page
@@ -17,6 +19,7 @@ from .formulas import EquationSystem, Formula, FORMULAS, SYSTEMS
 
 # Ranks of operators, from the loosest to the tightest.
 CHOICE, COMPARISON, SUM, PRODUCT, SIGN, POWER, ATOM = range(7)
+NAME = re.compile(r'[A-Za-z]\w*')
 
 
 class Symbol:
@@ -76,6 +79,8 @@ class Trace(Calculation):
     def __init__(self) -> None:
         super().__init__({})
         self.rows: list[Any] = []
+        # The numbers that each number is computed from.
+        self.sources: dict[str, set[str]] = {}
         self.half_turn = Symbol('half_turn')
         for name in ('sqrt', 'hypot', 'cos', 'sin', 'acos', 'atan2', 'wrapped', 'sign'):
             setattr(self, name, partial(_called, name))
@@ -108,8 +113,17 @@ class Trace(Calculation):
         return self._record(symbol_and_unit, '=', value, f' | {formula}')
 
     def _record(self, names: str, becomes: str, value: Any, formula: str = '') -> Symbol:
-        self.rows.append(f'{names} {becomes} {_operand(value, CHOICE)}{formula}')
-        return Symbol(names.split(maxsplit=1)[0])
+        symbol = names.split(maxsplit=1)[0]
+        expression = _operand(value, CHOICE)
+        self.rows.append(f'{names} {becomes} {expression}{formula}')
+        self._note_series([symbol], NAME.findall(expression))
+        return Symbol(symbol)
+
+    def _note_series(self, symbols: Sequence[str], names: Sequence[str]) -> None:
+        """Note the sources of numbers that are computed one after the other."""
+        for symbol in symbols:
+            self.sources[symbol] = {*names}.union(*map(self.sources.get, names, repeat(())))
+            names = [*names, symbol]
 
     def solve(
         self,
@@ -124,10 +138,17 @@ class Trace(Calculation):
         gives = f'{symbols_and_unit} {":=" if is_result else "="} {formula}'
         system = {'solve': list(map(_list, phi)), 'right': _list(right), 'gives': gives}
         self.rows.append(system)
+        names = NAME.findall(f'{system["solve"]} {system["right"]}')
+        self._note_series(symbols_and_unit.split()[:-1], names)
 
     def newton(self, system: Any) -> None:
         """Record the name of a system to be iterated."""
         self.rows.append({'newton': _name_of(system, SYSTEMS)})
+        numbers = range(1, len(system.unknowns) + 1)
+        names = [f'f_{k}' for k in numbers]
+        names += [f'Phi_{row}{column}' for row in numbers for column in numbers]
+        iterates = [f'{name}_2' for name in system.unknowns]
+        self._note_series([*iterates, *system.unknowns, 'iterations'], names)
 
     def sweep(self, formula: Formula, extremes: Mapping[str, str]) -> None:
         """Record the name of formulas to be worked over a turn."""
@@ -140,6 +161,19 @@ def _list(expressions: Sequence[Any]) -> str:
 
 def _name_of(value: Any, names: Mapping[str, Any]) -> str:
     return next(name for name, named in names.items() if named is value)
+
+
+@cache
+def sources(name: str) -> dict[str, list[str]]:
+    """Return for each question of an exercise those that its answer is computed from."""
+    trace = Trace()
+    FORMULAS[name](trace)
+    questions = dict.fromkeys(NAME.findall(data()['kinds'][name]['asked']))
+    sources_of = {}
+    for question in questions:
+        names = trace.sources.get(question, set())
+        sources_of[question] = [source for source in questions if source in names]
+    return sources_of
 
 
 def _rows(formula: Formula) -> list[Any]:
@@ -173,7 +207,12 @@ def lab_data() -> dict[str, Any]:
                 rows = [f'use {begin}', *rows[count:]]
         formulas[name] = rows
     systems = {name: _system_content(system) for name, system in SYSTEMS.items()}
-    return {**data(), 'systems': systems, 'formulas': formulas}
+    return {
+        **data(),
+        'systems': systems,
+        'formulas': formulas,
+        'sources': {name: sources(name) for name in data()['kinds']},
+    }
 
 
 if __name__ == '__main__':

@@ -2,19 +2,22 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from math import isnan
+from math import hypot, isnan, sqrt
 import re
 from typing import NamedTuple
 
 from klann_ros.sanitize.quantity import folded, MAX_QUANTITY, read_quantity
 
 from .calculation import Answer, data, slip_of
+from .lab import sources
 from .variant import difference, Question, texts, Variant
 
 RIGHT, WRONG, EMPTY, UNREADABLE = 'right', 'wrong', 'empty', 'unreadable'
-DIMENSION = 'dimension'
-# A wrong answer this near (in units of the last digit) was rounded on the way.
-ROUNDING_REACH = 30.0
+DIMENSION, ROUNDING = 'dimension', 'rounding'
+# Part of a right answer within which a wrong one may be one by chance.
+CLOSE = 0.25
+# Part of it that rounding may reach at most, and errors of it in root mean squares.
+MAX_ROUNDING, ROUNDING_REACH = 0.03, 2.0
 
 
 class Mark(NamedTuple):
@@ -34,7 +37,9 @@ class Mark(NamedTuple):
     def reason(self, language: str) -> str:
         """Return the reason in words."""
         slips = [self.slip, 'carried'] if self.carried else [self.slip]
-        return '; '.join(reason(slip, language) for slip in slips)
+        words = '; '.join(reason(slip, language) for slip in slips)
+        is_doubtful = not self.points and self.slip in texts()['slips']
+        return reason('perhaps', language).format(words) if is_doubtful else words
 
 
 def reason(slip: str, language: str) -> str:
@@ -89,7 +94,9 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
     """
     Return the marks of a student's answers, in the order of the questions.
 
-    A wrong answer is explained by the mistake that explains most wrong answers of the exercise.
+    A wrong answer is explained by the mistake that explains most wrong answers of the exercise. A
+    number close to the right one may be a mistake's by chance: the mistake has to explain others
+    too, and most of those that it changes. Rounding explains errors of its own size.
 
     Parameters
     ----------
@@ -100,42 +107,81 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
 
     """
     questions = variant.kind.questions
-    read_answers: dict[str, Answer | None] = {}
+    readings = {q.name: read_answer(answers.get(q.name, ''), q) for q in questions}
     fitting: dict[str, dict[str, int]] = {}
     for question in questions:
-        name = question.name
-        answer = read_answers[name] = read_answer(answers.get(name, ''), question)
-        if answer is None or _is_nan(answer):
+        answer = readings[question.name]
+        if answer is None or _is_nan(answer) or variant.is_right(question, answer):
             continue
-        if not variant.is_right(question, answer):
-            fitting[name] = _fitting(variant, question, answer)
+        fitting[question.name] = _fitting(variant, question, answer)
     weights = Counter(mistake for mistakes in fitting.values() for mistake in mistakes)
+    proven = {mistake for mistake in weights if _is_proven(variant, mistake, weights, readings)}
     marks: list[Mark] = []
     for question in questions:
         text = answers.get(question.name, '').strip()
-        answer = read_answers[question.name]
+        answer = readings[question.name]
+        slip = RIGHT
         if answer is None:
             slip = UNREADABLE if text else EMPTY
         elif _is_nan(answer):
             slip = DIMENSION
-        elif question.name in fitting:
+        points = credit_of(slip)
+        if answer is not None and question.name in fitting:
             distances = fitting[question.name]
             # The first of equal ones, in the order of the mistakes.
-            ranks = {mistake: (-weights[mistake], distances[mistake]) for mistake in distances}
-            slip = slip_of(min(ranks, key=lambda mistake: ranks[mistake]))
-        else:
-            slip = RIGHT
-        is_carried = slip in texts()['slips'] and any(mark.slip == slip for mark in marks)
-        points = credit_of(slip)
-        if is_carried:
-            points = max(points, credit_of('carried'))
-        marks.append(Mark(question.name, text, points, slip, is_carried))
-    return marks
+            ranks = {
+                mistake: (mistake not in proven, -weights[mistake], distance)
+                for mistake, distance in distances.items()
+            }
+            mistake = min(ranks, key=lambda mistake: ranks[mistake], default=WRONG)
+            slip, points = explain(variant, question, answer, mistake, mistake in proven)
+        marks.append(Mark(question.name, text, points, slip))
+    return [_followed(mark, marks, sources(variant.kind.name)) for mark in marks]
+
+
+def _is_proven(
+    variant: Variant,
+    mistake: str,
+    weights: Mapping[str, int],
+    readings: Mapping[str, Answer | None],
+) -> bool:
+    """Return whether a mistake explains two answers, and most of those that it changes."""
+    changed = [name for name in variant.mistaken[mistake] if readings[name] is not None]
+    return weights[mistake] >= 2 and 2 * weights[mistake] > len(changed)
+
+
+def explain(
+    variant: Variant, question: Question, answer: Answer, mistake: str, is_proven: bool = False
+) -> tuple[str, float]:
+    """Return the slip that explains a wrong answer, and its points."""
+    right = variant.answers[question.name]
+    size = 0.0 if isinstance(right, str) else abs(right)
+    gap = difference(question, answer, right)
+    slip = slip_of(mistake)
+    is_rounded = False
+    if question.unit != 'count' and gap <= MAX_ROUNDING * size:
+        errors = [difference(question, a[question.name], right) for a in variant.dithered]
+        reach = ROUNDING_REACH * hypot(*errors) / sqrt(len(errors) or 1)
+        is_rounded = slip == ROUNDING or gap <= reach
+    if slip == WRONG and is_rounded:
+        slip = ROUNDING
+    is_explained = is_proven or is_rounded or (size and gap >= CLOSE * size)
+    return slip, credit_of(slip) if is_explained else 0.0
+
+
+def _followed(mark: Mark, marks: Sequence[Mark], sources_of: Mapping[str, Sequence[str]]) -> Mark:
+    """Return a mark, as a consequence where the slip is that of an answer it is computed from."""
+    slips = {
+        earlier.slip for earlier in marks if earlier.question in sources_of.get(mark.question, ())
+    }
+    if not mark.points or mark.slip == RIGHT or mark.slip not in slips:
+        return mark
+    return mark._replace(points=max(mark.points, credit_of('carried')), carried=True)
 
 
 def _fitting(variant: Variant, question: Question, answer: Answer) -> dict[str, int]:
     """
-    Return the mistakes that give an answer, and their distances from it; else rounding or WRONG.
+    Return the mistakes that give an answer, and their distances from it.
 
     A distance is in thousandths of the last digit: noise must not decide between equal ones.
     """
@@ -145,11 +191,7 @@ def _fitting(variant: Variant, question: Question, answer: Answer) -> dict[str, 
         if wrong is not None and variant.is_near(question, answer, wrong):
             last_digit = variant.tolerance(question, wrong) or 1.0
             distances[mistake] = round(1e3 * difference(question, answer, wrong) / last_digit)
-    if distances:
-        return distances
-    reach = ROUNDING_REACH * variant.tolerance(question)
-    is_near = difference(question, answer, variant.answers[question.name]) <= reach
-    return {'rounding' if is_near else WRONG: 0}
+    return distances
 
 
 def statistics(class_marks: Marks) -> dict[str, dict[str, float]]:

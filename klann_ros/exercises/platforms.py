@@ -16,9 +16,9 @@ from klann_ros.sanitize.quantity import conversion_factor
 from klann_ros.sanitize.yaml_text import parse_file
 from klann_ros.web import element, joined, Markup, table_row
 
-from .calculation import data, slip_of, TURN_DEG
+from .calculation import data, TURN_DEG
 from .kinds import KINDS
-from .marking import credit_of, mark, reason
+from .marking import explain, Mark, mark
 from .sheet import answer_text, asked, decimals, picture, problem, question_markup, unit_sign
 from .variant import look_up, make_variant, Question, texts, Variant
 
@@ -161,9 +161,9 @@ def _alternatives(variant: Variant, question: Question, language: str) -> list[A
         text = f'{wrong:.{decimals(tolerance) + 2}f}'
         is_new = text not in {alternative.value for alternative in alternatives}
         if len(alternatives) < MAX_ALTERNATIVES and is_new:
-            slip = slip_of(mistake)
-            percent = f'{100.0 * credit_of(slip):.0f}'
-            words = reason(slip, language)
+            slip, points = explain(variant, question, wrong, mistake)
+            percent = f'{100.0 * points:.0f}'
+            words = Mark(question.name, text, points, slip).reason(language)
             alternatives.append(Alternative(percent, text, f'{tolerance:g}', words))
     return alternatives
 

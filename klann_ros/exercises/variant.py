@@ -24,6 +24,8 @@ LANGUAGES = ('en', 'pt')
 MAX_STUDENT = 64
 # Key and course's formulas agree within this part of their size.
 AGREEMENT = 1e-9
+# An angle beyond any unit's mistake diverged [deg].
+MAX_ANGLE = 60.0 * TURN_DEG
 
 
 class ExerciseError(ValueError):
@@ -196,15 +198,24 @@ class Variant:
                     wrong_answers.setdefault(mistake, {}).update(wrong)
         return wrong_answers
 
+    @cached_property
+    def dithered(self) -> list[Mapping[str, Answer]]:
+        """Return the answers with errors as of three digits in all intermediate results."""
+        series = range(1, int(data()['marking']['dither-series']) + 1)
+        calculations = [self.kind.calculated(self.givens, f'dither:{k}') for k in series]
+        return [calculation.answers for calculation in calculations if calculation]
+
     def _wrong(self, answers: Mapping[str, Answer]) -> dict[str, Answer]:
-        """Return those answers that are finite and not right."""
+        """Return those answers that are not right and did not diverge."""
         wrong = {}
         for question in self.kind.questions:
             name = question.name
             if name not in answers or self.is_right(question, answers[name]):
                 continue
-            if difference(question, answers[name], self.answers[name]) < inf:
-                wrong[name] = answers[name]
+            limit = MAX_ANGLE if question.unit == 'deg' else inf
+            answer = answers[name]
+            if isinstance(answer, str) or abs(answer) < limit:
+                wrong[name] = answer
         return wrong
 
     def tolerance(self, question: Question, answer: Answer | None = None) -> float:

@@ -1,6 +1,7 @@
 """Marking: every legal form is right, every slip has its name, and points follow."""
 
 from pathlib import Path
+from random import Random
 
 from klann_ros.exercises import KINDS, make_variant, mark, statistics, Variant
 from klann_ros.exercises.marking import read_answer
@@ -58,12 +59,69 @@ def test_a_number_near_the_right_one_is_rounded_too_early(four_bar: Variant) -> 
     assert slips['theta_4'] == 'rounding'
 
 
+def test_rounding_is_no_excuse_for_another_number() -> None:
+    variant = make_variant(KINDS['four-bar-position'], '7')
+    theta_4 = variant.answers['theta_4']
+    assert isinstance(theta_4, float)
+    for factor, is_excused in ((1.002, True), (1.02, False), (1.06, False)):
+        marks = mark(variant, right_answers(variant) | {'theta_4': f'{factor * theta_4:.7g}'})
+        points = {answer.question: answer.points for answer in marks}
+        assert (points['theta_4'] > 0.0) == is_excused, factor
+
+
+@pytest.mark.parametrize('case', ['alone', 'beside right answers', 'all wrong'])
+def test_a_wrong_answer_has_no_points_by_chance(case: str) -> None:
+    chance = Random(46)  # noqa: S311 - no secret
+    for name in 4 * [name for name in KINDS if name != 'foot-path']:
+        variant = make_variant(KINDS[name], str(chance.randrange(10**6)))
+        wrong = {}
+        for key, answer in variant.answers.items():
+            if not isinstance(answer, str):
+                error = chance.choice([-1.0, 1.0]) * chance.uniform(0.05, 0.2)
+                wrong[key] = f'{answer * (1.0 + error):.{variant.kind.digits}g}'
+        if case != 'all wrong':
+            wrong = dict([chance.choice([*wrong.items()])])
+        answers = right_answers(variant) | wrong if case == 'beside right answers' else wrong
+        for answer_mark in mark(variant, answers):
+            assert answer_mark.question not in wrong or answer_mark.points == 0.0, answer_mark
+
+
+def test_a_number_of_a_slip_close_to_the_right_one_is_a_slip_by_two_answers(
+    four_bar: Variant,
+) -> None:
+    # Both are within a quarter of the right answers.
+    slip = four_bar.mistaken['side:input']
+    answers = {name: f'{slip[name]:.6g}' for name in ('Z', 'alpha')}
+    words = 'o ângulo foi medido a partir do outro lado'
+    for name, answer in answers.items():
+        marks = {other.question: other for other in mark(four_bar, {name: answer})}
+        assert (marks[name].points, marks[name].reason('pt')) == (0.0, f'errado; talvez {words}')
+    marks = {answer.question: answer for answer in mark(four_bar, answers)}
+    assert (marks['Z'].points, marks['Z'].reason('pt')) == (0.5, words)
+    assert marks['alpha'].points == 0.8
+    # Two others that the slip would have changed are right.
+    right = right_answers(four_bar)
+    answers |= {name: right[name] for name in ('beta', 'mu')}
+    assert {answer.points for answer in mark(four_bar, answers)} == {0.0, 1.0}
+
+
 def test_a_slip_is_charged_once(four_bar: Variant) -> None:
     wrong = {name: f'{angle:.6g}' for name, angle in four_bar.mistaken['assembly:1'].items()}
     marks = mark(four_bar, right_answers(four_bar) | wrong)
     charged = [answer for answer in marks if answer.slip == 'assembly']
     assert [answer.points for answer in charged] == [0.5, 0.8]
     assert charged[1].reason('pt') == 'a outra montagem; segue de um erro anterior'
+
+
+def test_a_consequence_is_computed_from_the_slip() -> None:
+    variant = make_variant(KINDS['four-bar-position'], '7')
+    # Only theta_4 and theta_3 are computed from others of these.
+    wrong = {}
+    for name in ('mu', 'alpha', 'theta_4', 'theta_3'):
+        wrong[name] = f'{variant.mistaken["radians:answer"][name]:.6g}'
+    marks = {answer.question: answer for answer in mark(variant, right_answers(variant) | wrong)}
+    assert [marks[name].points for name in wrong] == [0.5, 0.5, 0.8, 0.8]
+    assert [marks[name].carried for name in wrong] == [False, False, True, True]
 
 
 def test_other_answers_have_no_points(four_bar: Variant) -> None:

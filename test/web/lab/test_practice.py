@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 import json
 from pathlib import Path
-import re
+from random import Random
 from typing import Any
 
 from browser import find
@@ -76,11 +76,14 @@ def wrong_answers(variant: Variant) -> list[dict[str, str]]:
     right = written(variant.answers)
     answers = [right, {}, dict.fromkeys(right, 'x'), dict.fromkeys(right, '7')]
     answers.append({name: f' {text.replace(".", ",")} ' for name, text in right.items()})
-    for mistake, wrong in variant.mistaken.items():
-        # Iterates that lead nowhere amplify the last bit of a number.
-        if variant.kind.name.endswith('newton') and re.match('f:|phi|transp|sign|sine', mistake):
-            continue
+    for wrong in variant.mistaken.values():
         answers.append(right | written(wrong))
+        answers += [{name: text} for name, text in written(wrong).items()]
+    chance = Random(46)  # noqa: S311 - no secret
+    for size in (0.001, 0.01, 0.03, 0.2, 0.3):
+        errors = {name: 1.0 + size * chance.uniform(-1.0, 1.0) for name in right}
+        close = {n: x if isinstance(x, str) else x * errors[n] for n, x in variant.answers.items()}
+        answers += [written(close), *(right | {n: x} for n, x in written(close).items())]
     return answers
 
 

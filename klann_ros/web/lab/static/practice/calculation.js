@@ -3,6 +3,7 @@
 
 const ROW = /^(\w+)(?: (\S+))? (:?=) (.+?)(?: \| (.*))?$/;
 const RESULTS = /^(.+?) (\S+) (:?=) (.*)$/;
+const SINGULAR = 1e-12;
 const SEARCH_ROUNDS = 36;
 const GOLDEN_SHARE = (Math.sqrt(5) - 1) / 2;
 const FUNCTIONS = {
@@ -18,16 +19,16 @@ class Calculation {
     Object.assign(this, { data, givens, mistake, input, steps: [], answers: {} });
     [this.slip, this.place = ''] = mistake.split(':');
     this.digits = this.slip === 'rounding' ? Number(this.place) : 0;
+    this.series = this.slip === 'dither' ? Number(this.place) : 0;
     this.isRadian = mistake === 'radians:trig';
     this.halfTurn = this.isRadian ? Math.PI : 180;
     const radian = (angle) => finite(this.isRadian ? angle : angle * (Math.PI / 180));
     const angle = (value) => finite(this.isRadian ? value : value * (180 / Math.PI));
-    const [cosine, sine] =
-      mistake === 'sine:all' ? [Math.sin, Math.cos] : [Math.cos, Math.sin];
+    const [cosine, sine] = mistake === 'sine:all' ? [Math.sin, Math.cos] : [Math.cos, Math.sin];
     this.scope = {
       ...FUNCTIONS,
-      cos: (value) => cosine(radian(value)),
-      sin: (value) => sine(radian(value)),
+      cos: (value) => this.dithered(cosine(radian(value))),
+      sin: (value) => this.dithered(sine(radian(value))),
       acos: (value) => angle(Math.acos(value)),
       atan2: (y, x) => angle(Math.atan2(y, x)),
       sign: (loop) => (this.slip === 'assembly' && this.place.includes(loop) ? -1 : 1),
@@ -80,7 +81,9 @@ class Calculation {
     const rows = typeof solve === 'string' ? this.data.systems[solve].phi : solve;
     const found = this.solution(...this.written(rows, right));
     const [, symbols, unit, becomes, formula] = gives.match(RESULTS);
-    symbols.split(' ').forEach((symbol, n) => this.record(symbol, unit, becomes, found[n], formula));
+    symbols
+      .split(' ')
+      .forEach((symbol, n) => this.record(symbol, unit, becomes, found[n], formula));
   }
 
   /** Return matrix and right side of a linear system as this student writes them. */
@@ -115,18 +118,20 @@ class Calculation {
       }),
     );
     const { x, count } = this.iterates(system, names, guess);
-    const last = x[this.slip === 'short' ? Math.min(Number(this.place), x.length - 1) : x.length - 1];
+    const { fewest, fair, stop, lost } = this.data.iterations;
+    const isLost = x.at(-1).some((each, n) => Math.abs(each - x.at(-2)[n]) > lost);
+    const last =
+      x[this.slip === 'short' ? Math.min(Number(this.place), x.length - 1) : x.length - 1];
     const second = this.mistake === 'short:1' ? x[0] : x[1];
     names.forEach((each, n) => {
       this.answers[`${each}_2`] = second[n];
-      this.answers[each] = last[n];
+      this.answers[each] = isLost ? NaN : last[n];
     });
     this.answers.iterations = count;
     if (this.mistake && this.slip !== 'assembly') return;
     const closed = new Calculation(this.data, this.givens, this.mistake, this.input);
     const { answers } = closed.work(system.position);
     // The root of the assembly mode that is drawn, in a fair number of iterations.
-    const { fewest, fair, stop } = this.data.iterations;
     const isDrawn = names.every((each) => Math.abs(answers[each] - this.answers[each]) <= stop);
     if (!this.mistake && !(isDrawn && fewest <= count && count <= fair)) impossible();
     for (const each of names) this.answers[each] = answers[each];
@@ -183,7 +188,15 @@ class Calculation {
   }
 
   rounded(value) {
-    return this.digits ? significant(value, this.digits) : value;
+    // Without the last bits of a tie.
+    return this.digits ? significant(significant(value, 12), this.digits) : this.dithered(value);
+  }
+
+  /** Return a number with an error below half its third digit, by its size and a series. */
+  dithered(value) {
+    if (!this.series || !value) return value;
+    const second = 10 ** (orderOf(Math.abs(value)) - 1);
+    return value + 0.05 * second * Math.sin((this.series * value) / second);
   }
 }
 
@@ -209,10 +222,13 @@ function greatest(value, ...ends) {
 /** Return the solution of linear equations, by elimination with the largest pivot of a column. */
 function solveLinear(matrix, right) {
   const rows = matrix.map((row, n) => [...row, right[n]]);
+  // The determinant over the lengths of the rows.
+  let determinant = matrix.reduce((product, row) => product / Math.hypot(...row), 1);
   rows.forEach((_, n) => {
     const size = (row) => Math.abs(row[n]);
     const pivot = rows.slice(n).reduce((best, row) => (size(row) > size(best) ? row : best));
-    if (!(size(pivot) > 0)) impossible();
+    determinant *= size(pivot);
+    if (!(determinant > 0)) impossible();
     rows[rows.indexOf(pivot)] = rows[n];
     rows[n] = pivot;
     for (const row of rows.slice(n + 1)) {
@@ -220,6 +236,7 @@ function solveLinear(matrix, right) {
       for (let m = n; m < row.length; m += 1) row[m] -= factor * pivot[m];
     }
   });
+  if (!(determinant > SINGULAR)) impossible();
   const x = [];
   for (let n = rows.length - 1; n >= 0; n -= 1) {
     const known = x.reduce((sum, each, m) => sum + rows[n][rows.length - 1 - m] * each, 0);

@@ -95,7 +95,9 @@ class Exercise {
       const [right, rounded] = [this.answers[question.name], guarded.answers[question.name]];
       if (typeof right === 'string') return right === rounded;
       const isFair = Math.abs(right) >= smallest[question.unit];
-      return isFair && difference(question, rounded, right) <= guard.share * this.tolerance(question);
+      return (
+        isFair && difference(question, rounded, right) <= guard.share * this.tolerance(question)
+      );
     });
   }
 
@@ -121,6 +123,16 @@ class Exercise {
     return this.wrong;
   }
 
+  /** Return the answers with errors as of three digits in all intermediate results. */
+  get dithered() {
+    this.rough ??= Array.from({ length: this.data.marking['dither-series'] }, (_, k) =>
+      this.kind.calculated(this.givens, `dither:${k + 1}`),
+    )
+      .filter(Boolean)
+      .map(({ answers }) => answers);
+    return this.rough;
+  }
+
   allMistaken() {
     const found = new Map();
     for (const mistake of this.kind.mistakes) {
@@ -142,7 +154,9 @@ class Exercise {
   wrongOf(answers) {
     const isWrong = (question) => {
       const answer = answers[question.name];
-      const isAnswer = typeof answer === 'string' || Number.isFinite(answer);
+      // An angle beyond any unit's mistake diverged.
+      const limit = question.unit === 'deg' ? 60 * 360 : Infinity;
+      const isAnswer = typeof answer === 'string' || Math.abs(answer) < limit;
       return isAnswer && !this.isRight(question, answer);
     };
     const wrong = this.kind.questions.filter(isWrong);

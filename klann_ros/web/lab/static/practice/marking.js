@@ -1,7 +1,9 @@
 'use strict';
 /* Answers as students write them, and their marks: klann_ros/exercises/marking.py. */
 
-const ROUNDING_REACH = 30;
+const CLOSE = 0.25;
+const MAX_ROUNDING = 0.03;
+const ROUNDING_REACH = 2;
 /** Return an answer as a number in the unit asked for, or a word; null, NaN: readQuantity. */
 function readAnswer(data, text, question) {
   if (question.choices.length) return choiceOf(data, text, question);
@@ -30,14 +32,11 @@ function choiceOf({ texts, marking }, text, { choices }) {
 /** Return the marks of answers {question: text}: [{question, points, slip, isCarried}]. */
 function markAnswers(exercise, answers) {
   const { kind, data } = exercise;
-  const credit = data.marking.credit;
-  const read = new Map(
-    kind.questions.map((each) => [each, readAnswer(data, answers[each.name] ?? '', each)]),
-  );
-  const isWrong = (each) => {
-    const answer = read.get(each);
-    return answer !== null && !Number.isNaN(answer) && !exercise.isRight(each, answer);
-  };
+  const credit = (slip) => data.marking.credit[slip] ?? data.marking.credit.other;
+  const textOf = ({ name }) => answers[name] ?? '';
+  const read = new Map(kind.questions.map((each) => [each, readAnswer(data, textOf(each), each)]));
+  const isNumber = (each) => read.get(each) !== null && !Number.isNaN(read.get(each));
+  const isWrong = (each) => isNumber(each) && !exercise.isRight(each, read.get(each));
   const fitting = new Map(
     kind.questions
       .filter(isWrong)
@@ -46,20 +45,60 @@ function markAnswers(exercise, answers) {
   const weights = {};
   for (const mistake of [...fitting.values()].flatMap((each) => [...each.keys()]))
     weights[mistake] = (weights[mistake] ?? 0) + 1;
-  const marks = [];
-  for (const each of kind.questions) {
-    const mark = { question: each.name, slip: 'empty', isCarried: false };
-    if ((answers[each.name] ?? '').trim()) mark.slip = 'unreadable';
-    if (read.get(each) !== null) mark.slip = Number.isNaN(read.get(each)) ? 'dimension' : 'right';
-    if (fitting.has(each)) {
-      mark.slip = slipOf(exercise, each, read.get(each), fitting.get(each), weights);
-      mark.isCarried = mark.slip !== 'wrong' && marks.some(({ slip }) => slip === mark.slip);
-    }
-    mark.points = credit[mark.slip] ?? credit.other;
-    if (mark.isCarried) mark.points = Math.max(mark.points, credit.carried);
-    marks.push(mark);
+  const isProven = (mistake) => {
+    const changed = kind.questions.filter(
+      (each) => read.get(each) !== null && each.name in exercise.mistaken.get(mistake),
+    );
+    return weights[mistake] > 1 && 2 * weights[mistake] > changed.length;
+  };
+  const proven = new Set(Object.keys(weights).filter(isProven));
+  const marks = kind.questions.map((each) => {
+    const answer = read.get(each);
+    let slip = 'right';
+    if (answer === null) slip = textOf(each).trim() ? 'unreadable' : 'empty';
+    else if (Number.isNaN(answer)) slip = 'dimension';
+    if (!fitting.has(each)) return { question: each.name, slip, points: credit(slip) };
+    const [[mistake] = ['wrong']] = [...fitting.get(each)].sort(
+      ([a, gap], [b, other]) =>
+        proven.has(b) - proven.has(a) || weights[b] - weights[a] || gap - other,
+    );
+    const explained = explainedBy(exercise, each, answer, mistake, proven.has(mistake));
+    return {
+      question: each.name,
+      slip: explained.slip,
+      points: explained.isCredited * credit(explained.slip),
+    };
+  });
+  return marks.map((mark) => {
+    const sources = data.sources[kind.name][mark.question] ?? [];
+    const isSource = ({ question, slip }) => slip === mark.slip && sources.includes(question);
+    const isCarried = mark.points > 0 && mark.slip !== 'right' && marks.some(isSource);
+    return {
+      ...mark,
+      isCarried,
+      points: isCarried ? Math.max(mark.points, credit('carried')) : mark.points,
+    };
+  });
+}
+
+/** Return the slip that explains a wrong answer, and whether it has points. */
+function explainedBy(exercise, question, answer, mistake, isProven) {
+  const right = exercise.answers[question.name];
+  const size = typeof right === 'string' ? 0 : Math.abs(right);
+  const gap = size ? difference(question, answer, right) : 1;
+  const [name] = mistake.split(':');
+  let isRounded = false;
+  if (question.unit !== 'count' && gap <= MAX_ROUNDING * size) {
+    const errors = exercise.dithered.map((each) =>
+      difference(question, each[question.name], right),
+    );
+    isRounded =
+      name === 'rounding' ||
+      gap <= (ROUNDING_REACH * Math.hypot(...errors)) / Math.sqrt(errors.length || 1);
   }
-  return marks;
+  const slip = name === 'wrong' && isRounded ? 'rounding' : name;
+  const isCredited = isProven || isRounded || (size > 0 && gap >= CLOSE * size);
+  return { slip: ['f', 'phi'].includes(slip) ? 'sign' : slip, isCredited };
 }
 
 /** Return the mistakes that give an answer, and their distances in thousandths of the last digit. */
@@ -73,18 +112,4 @@ function fittingOf(exercise, question, answer) {
     found.set(mistake, Math.round(1e3 * gap));
   }
   return found;
-}
-
-function slipOf(exercise, question, answer, fitting, weights) {
-  if (fitting.size) {
-    const [[mistake]] = [...fitting].sort(
-      ([a, gap], [b, other]) => weights[b] - weights[a] || gap - other,
-    );
-    const [slip] = mistake.split(':');
-    return ['f', 'phi'].includes(slip) ? 'sign' : slip;
-  }
-  const right = exercise.answers[question.name];
-  const reach = ROUNDING_REACH * exercise.tolerance(question);
-  const isNumber = typeof answer !== 'string' && typeof right !== 'string';
-  return isNumber && difference(question, answer, right) <= reach ? 'rounding' : 'wrong';
 }

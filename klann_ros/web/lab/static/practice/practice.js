@@ -190,10 +190,12 @@ class Practice {
     marks.forEach(({ points, slip, isCarried }, n) => {
       const row = this.rows[n];
       this.unmark(row);
-      const reason = (words[slip] ?? slips[slip])[language.now];
       const carried = isCarried ? `; ${words.carried[language.now]}` : '';
+      const plain = `${(words[slip] ?? slips[slip])[language.now]}${carried}`;
+      const isDoubtful = !points && slip in slips;
+      const reason = isDoubtful ? words.perhaps[language.now].replace('{}', plain) : plain;
       const part = points > 0 && points < 1 ? ` (${localised(String(points))})` : '';
-      row.mark.textContent = `${points === 1 ? '✓' : '✗'} ${reason}${carried}${part}`;
+      row.mark.textContent = `${points === 1 ? '✓' : '✗'} ${reason}${part}`;
       row.node.classList.add(points === 1 ? 'good' : 'bad');
       row.input.setAttribute('aria-invalid', String(points < 1));
     });
