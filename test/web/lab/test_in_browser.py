@@ -630,6 +630,9 @@ def test_f_and_phi_of_each_step_are_those_of_the_lectures(lab: Opened) -> None:
     assert f'{minus} L(CG) cos({g} {minus} 10°)' in equations[2]
     # As the four-bar lecture prints them.
     lab.page.locator('#linkage').select_option('four_bar')
+    equations = lab.page.locator('#equations li').all_text_contents()
+    loop = f'{minus} L(O2A) cos \u03b82 {minus} L(AB) cos \u03b83 + L(O4B) cos \u03b84 + x(O4)'
+    assert equations[0] == f'f₁ = {loop}'
     printed = [['-27.138', '26.675'], ['51.764', '-147.721', '-193.185', '26.047']]
     assert matrices(lab)[:2] == printed
 

@@ -255,7 +255,8 @@ function equationTexts(linkage, sign) {
       const { body, bar } = structure.bars[n];
       const sense = structure.senses[body];
       const bend = sense * (bends.get(n) || 0);
-      const name = GREEK[structure.angles[body]] || structure.angles[body];
+      // theta2 is a letter and a number.
+      const name = structure.angles[body].replace(/^[a-z]+(?=\d*$)/, (word) => GREEK[word] || word);
       const angle = bend
         ? `(${name} ${bend < 0 ? '\u2212' : '+'} ${shownAngle(Math.abs(bend))})`
         : ` ${name}`;
