@@ -1,28 +1,19 @@
 """Poses that a bar takes in a turn, some of them exactly: motion generation."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from klann_ros.kinematics import linkage_poses, Structure
+from klann_ros.kinematics import Structure
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import BoolArray, ComplexArray, FloatArray
 import numpy as np
 
-from .figures import crank_angles
-from .space import RequirementsError, Space, Units
+from .space import RequirementsError, Units
 
-# Greatest error of exact poses relative to the leg's size, and that of candidates to be refined;
-# weight of exact poses in the refinement.
-EXACT_ERROR, EXACT_IN_SEARCH, EXACT_WEIGHTS = 1e-6, 0.05, (1.0, 1e2, 1e4)
-# Crank angles between which a pose is sought; the half-width of central differences.
-NEAREST_ANGLES, STEP = 720, 1e-5
-MAX_STEPS, FIRST_DAMPING, MAX_DAMPING, MIN_GAIN = 60, 1e-2, 1e4, 1e-7
-# Points of a path in the refinement.
-MAX_PATH_POINTS = 32
-# Residual of a candidate that does not turn [m].
-WORST_MISS = 1e6
+# Greatest error of exact poses relative to the leg's size, and that of candidates to be refined.
+EXACT_ERROR, EXACT_IN_SEARCH = 1e-6, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,20 +46,6 @@ class PoseTarget:
     def is_timed(self) -> bool:
         """Return whether the crank angles between the poses are prescribed."""
         return bool(np.isfinite(self.cranks).all())
-
-    def with_path(self, points: ComplexArray) -> 'PoseTarget':
-        """Return it with points of a path of the foot, if it is of the foot and without timing."""
-        if self.point or self.is_timed:
-            return self
-        points = points[:: max(1, len(points) // MAX_PATH_POINTS)]
-        free = np.full(len(points), np.nan)
-        return replace(
-            self,
-            points=np.concatenate([self.points, points]),
-            angles=np.concatenate([self.angles, free]),
-            cranks=np.concatenate([self.cranks, free]),
-            is_exact=np.concatenate([self.is_exact, np.zeros(len(points), dtype=bool)]),
-        )
 
     def bar(self, structure: Structure) -> list[int]:
         """Return the indices of both ends of the bar; a RequirementsError if there is none."""
@@ -126,52 +103,6 @@ class PoseTarget:
         exact = distances[:, self.is_exact].max(axis=1, initial=0.0)
         size = np.ptp(points, axis=(1, 2)).max(axis=1)
         return {'pose_error': np.sqrt((distances**2).mean(axis=1)), 'exact_error': exact / size}
-
-
-def refined_on_poses(target: PoseTarget, space: Space, x: FloatArray) -> FloatArray:
-    """Return a candidate nearer to its poses by Levenberg-Marquardt, x of shape (d,)."""
-    count = len(x)
-    structure = space.linkage.structure
-    turn: Any = linkage_poses(space.variants(x[None]), crank_angles(NEAREST_ANGLES), points=True)
-    first_alphas = target.locate(structure, turn.points)[0][0]
-    variables = np.concatenate([x, np.zeros(1 if target.is_timed else len(first_alphas))])
-
-    def misses(x_rows: FloatArray, alphas: FloatArray) -> Any:
-        """Return the weighted parts of candidates, shape (n, ..., 4 k)."""
-        poses: Any = linkage_poses(space.variants(x_rows), alphas, points=True)
-        parts = weights[:, None] * target.misses(structure, poses.points)
-        table = np.concatenate([parts.real, parts.imag], axis=-1)
-        return np.nan_to_num(table, nan=WORST_MISS).reshape(*parts.shape[:-2], -1)
-
-    def residuals(point: FloatArray) -> FloatArray:
-        return np.asarray(misses(point[None, :count], first_alphas + point[count:])[0])
-
-    def jacobian(point: FloatArray) -> FloatArray:
-        """Return central differences: by the dimensions, then by the crank angles."""
-        alphas = first_alphas + point[count:]
-        steps = STEP * np.eye(count)
-        by_x = misses(point[:count] + steps, alphas) - misses(point[:count] - steps, alphas)
-        later, earlier = misses(point[None, :count], alphas + STEP * np.array([[1.0], [-1.0]]))[0]
-        by_angle = (later - earlier)[None]
-        if not target.is_timed:
-            by_angle = by_angle * np.repeat(np.eye(len(alphas)), 4, axis=1)
-        return np.asarray(np.concatenate([by_x, by_angle]).T / (2.0 * STEP))
-
-    for exact_weight in EXACT_WEIGHTS:
-        weights = np.where(target.is_exact, exact_weight, 1.0)
-        damping = FIRST_DAMPING
-        for _ in range(MAX_STEPS):
-            errors = residuals(variables)
-            rows = np.vstack([jacobian(variables), damping * np.eye(len(variables))])
-            step = np.linalg.lstsq(rows, np.concatenate([-errors, 0.0 * variables]))[0]
-            next_variables = variables + step
-            next_variables[:count] = np.clip(next_variables[:count], 0.0, 1.0)
-            gain = 1.0 - np.linalg.norm(residuals(next_variables)) / np.linalg.norm(errors)
-            variables = next_variables if gain > 0.0 else variables
-            damping *= 0.1 if gain > 0.0 else 10.0
-            if damping > MAX_DAMPING or 0.0 < gain < MIN_GAIN:
-                break
-    return variables[:count]
 
 
 def poses_from(content: Mapping[str, Any], units: Units) -> PoseTarget:

@@ -1,4 +1,4 @@
-"""Refinement of a leg: its path by derivatives by every dimension, its limits by differences."""
+"""Refinement of a leg: its path by exact derivatives, its poses and limits by differences."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -10,15 +10,20 @@ import numpy as np
 
 from .evolve import Scores, variant_scores
 from .figures import crank_angles
+from .poses import PoseTarget
 from .requirements import Requirements
 from .space import Space
 from .target import PathFit, Target
 
 MAX_STEPS = 100
-# Steps towards limits alone.
+# Steps towards limits alone, and towards poses for each weight.
 MAX_LIMIT_STEPS = 40
-# Crank angles by which the length of a path is measured, and the nearest point of it is sought.
-PATH_ANGLES, NEAREST_ANGLES = 360, 4096
+# Crank angles by which the length of a path is measured, the nearest point of it is sought, and
+# poses are.
+PATH_ANGLES, NEAREST_ANGLES, POSE_ANGLES = 360, 4096, 720
+# The step of differences of poses; the weights of exact ones, from run to run.
+POSE_STEP = 1e-5
+EXACT_WEIGHTS = (1.0, 1e2, 1e4)
 # Newton steps of crank angles on a path.
 CORRECTIONS = 3
 # A step that improves by a smaller part is the last one.
@@ -52,10 +57,10 @@ class _FootSamples(NamedTuple):
 
 def refined(requirements: Requirements, space: Space, x: FloatArray) -> Linkage:
     """
-    Return a candidate nearer to its path, on which it is placed, and its limits; x of shape (d,).
+    Return a candidate nearer to its path, on which it is placed, its poses, and its limits.
 
-    Levenberg-Marquardt on the distances of corresponding points, with the derivatives of the foot
-    by each dimension, and on what limits lack.
+    Levenberg-Marquardt on the distances of corresponding points and from the poses, of which exact
+    ones count more from one run to the next, and on what limits lack; x of shape (d,).
 
     Raises
     ------
@@ -64,20 +69,31 @@ def refined(requirements: Requirements, space: Space, x: FloatArray) -> Linkage:
 
     """
     target = requirements.target
+    poses = requirements.poses
     motion = None
+    alphas = np.empty(0)
     variable_count = len(x)
+    weights: tuple[float, ...] = (1.0,)
     if target is not None:
         motion = target.fit(linkage_poses(_linkage(space, x), crank_angles(PATH_ANGLES)).h[None])
         variable_count += 1 + target.can_turn + target.can_scale + 2 * target.can_move
+    if poses is not None:
+        turn: Any = linkage_poses(_linkage(space, x), crank_angles(POSE_ANGLES), points=True)
+        alphas = poses.locate(space.linkage.structure, turn.points[None])[0][0]
+        variable_count += 1 if poses.is_timed else len(alphas)
+        weights = EXACT_WEIGHTS if poses.is_exact.any() else weights
     start = np.zeros(variable_count)
     start[: len(x)] = x
-    fit = _PathFit(requirements, space, motion)
+    variables = start
+    for weight in weights:
+        fit = _Fit(requirements, space, motion, alphas, weight)
+        variables = _least_squares(fit, variables)
     candidates = []
-    for variables in (start, _least_squares(fit, start)):
-        leg = fit.legs(variables[None])[0]
-        error = 0.0 if target is None else path_error(target, leg)
-        candidates.append((float(fit.scores(variables[None]).total[0]), error, leg))
-    return min(candidates, key=lambda candidate: candidate[:2])[-1]
+    for candidate in (start, variables):
+        violation = float(fit.scores(candidate[None]).total[0])
+        candidates.append((violation, fit.error(candidate), candidate))
+    best = min(candidates, key=lambda candidate: candidate[:2])[-1]
+    return fit.legs(best[None])[0]
 
 
 def leg_figures(requirements: Requirements, linkage: Linkage) -> dict[str, float]:
@@ -134,18 +150,21 @@ def point_error(target: Target, linkage: Linkage) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _PathFit:
+class _Fit:
     """
     The fit of candidates of a space, from the motion that places the first one on its path.
 
     Its variables are the dimensions x in [0, 1]; with a path also the offset of its start
     [periods] and, as far as they are free, the rotation [rad], the logarithm of the scale, and the
-    shift [m].
+    shift [m]; with poses the changes of their crank angles `alphas` [rad], or one for all if they
+    are timed.
     """
 
     requirements: Requirements
     space: Space
     motion: PathFit | None
+    alphas: FloatArray
+    exact_weight: float
 
     def legs(self, variables: FloatArray) -> Variants:
         """Return legs near the first, in their places, variables of shape (n, d)."""
@@ -160,13 +179,26 @@ class _PathFit:
         """Return the scores of legs near the first, in their places."""
         return variant_scores(self.requirements.without_motion(), self.legs(variables))
 
+    def error(self, variables: FloatArray) -> float:
+        """Return the distances from path and poses; infinite if it does not reach them."""
+        target = self.requirements.target
+        error = float(np.linalg.norm(self._pose_residuals(variables).values))
+        if target is not None:
+            error += path_error(target, self.legs(variables[None])[0])
+        return float('inf') if np.isnan(error) else error
+
     def residuals(self, variables: FloatArray) -> _Residuals | None:
         """Return the residuals; None if the candidate does not turn."""
         try:
             path = self._path_residuals(variables)
-            return path and self._with_limits(variables, path)
+            poses = self._pose_residuals(variables)
         except GeometryError:
             return None
+        if path is None or not np.isfinite(poses.values).all():
+            return None
+        values = np.concatenate([path.values, poses.values])
+        jacobian = np.vstack([path.jacobian, np.nan_to_num(poses.jacobian)])
+        return self._with_limits(variables, _Residuals(values, jacobian))
 
     def _place(self, variables: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return the factors and shifts of z -> factor z + shift, shapes (n,) or (1,)."""
@@ -186,7 +218,7 @@ class _PathFit:
         x = variables[: len(self.space.names)]
         leg = _linkage(self.space, x)
         if target is None or self.motion is None:
-            return _Residuals(np.empty(0), np.empty((0, len(x))))
+            return _Residuals(np.empty(0), np.empty((0, len(variables))))
         offset = float(self.motion.offset[0]) + float(variables[len(x)])
         sense = float(self.motion.sense[0])
         samples = _foot_samples(target, leg, offset, sense, has_gradients=True)
@@ -203,14 +235,46 @@ class _PathFit:
         if target.can_move:
             columns += [np.ones((len(path), 1)), np.full((len(path), 1), 1j)]
         gap = path + shift - target.samples
-        jacobian = np.hstack(columns)
+        by_motion = np.hstack(columns)
+        jacobian = np.zeros((len(path), len(variables)), dtype=np.complex128)
+        jacobian[:, : by_motion.shape[1]] = by_motion
         stacked = np.concatenate([gap.real, gap.imag])
         return _Residuals(stacked, np.vstack([jacobian.real, jacobian.imag]))
 
-    def _with_limits(self, variables: FloatArray, path: _Residuals) -> _Residuals | None:
+    def _pose_residuals(self, variables: FloatArray) -> _Residuals:
+        """Return the distances from poses, and their derivatives by central differences."""
+        poses = self.requirements.poses
+        jacobian = np.zeros((4 * len(self.alphas), len(variables)))
+        if poses is None:
+            return _Residuals(np.empty(0), jacobian)
+        count = len(self.space.names)
+        x = variables[None, :count]
+        first_angle = len(variables) - (1 if poses.is_timed else len(self.alphas))
+        alphas = self.alphas + variables[first_angle:]
+        steps = POSE_STEP * np.concatenate([np.eye(count), -np.eye(count)])
+        beside = self._pose_distances(poses, x + steps, alphas)
+        jacobian[:, :count] = (beside[:count] - beside[count:]).T / (2.0 * POSE_STEP)
+        turned = self._pose_distances(poses, x, alphas + POSE_STEP * np.array([[1.0], [-1.0]]))[0]
+        by_angle = (turned[0] - turned[1]) / (2.0 * POSE_STEP)
+        # Four parts of each distance.
+        columns = 0 if poses.is_timed else np.arange(len(by_angle)) // 4
+        jacobian[np.arange(len(by_angle)), first_angle + columns] = by_angle
+        return _Residuals(self._pose_distances(poses, x, alphas)[0], jacobian)
+
+    def _pose_distances(self, poses: PoseTarget, x: FloatArray, alphas: FloatArray) -> FloatArray:
+        """Return the weighted parts of n candidates' distances, shape (n, ..., 4 k) [m]."""
+        turn: Any = linkage_poses(self.space.variants(x), alphas, points=True)
+        weights = np.where(poses.is_exact, self.exact_weight, 1.0)
+        if self.requirements.target is not None:
+            weights *= np.sqrt(len(self.requirements.target.samples) / len(weights))
+        parts = weights[:, None] * poses.misses(self.space.linkage.structure, turn.points)
+        table = np.concatenate([parts.real, parts.imag], axis=-1)
+        return np.reshape(table, (*table.shape[:-2], -1))
+
+    def _with_limits(self, variables: FloatArray, distances: _Residuals) -> _Residuals | None:
         """Return the residuals with a row for each limit, its violation, by differences."""
         if not self.requirements.evolved_limits:
-            return path
+            return distances
         size = len(variables)
         steps = LIMIT_STEP * np.concatenate([np.eye(size), -np.eye(size)])
         scores = self.scores(variables[None])
@@ -222,13 +286,15 @@ class _PathFit:
             table = self.scores(variables + steps).violations[:, 1:]
             difference = (table[:size] - table[size:]).T / (2.0 * LIMIT_STEP)
             jacobian[violations > 0.0] = difference[violations > 0.0]
-        # A limit weighs more than the path, of which it may cost a part.
+        # A limit weighs more than the distances, of which it may cost a part.
         weight = 1.0
-        if self.requirements.target is not None:
-            weight = LIMIT_WEIGHT * self.requirements.target.size * np.sqrt(len(path.values))
+        if len(distances.values):
+            target = self.requirements.target
+            length = self.space.linkage.size if target is None else target.size
+            weight = LIMIT_WEIGHT * length * np.sqrt(len(distances.values))
         return _Residuals(
-            np.concatenate([path.values, weight * violations]),
-            np.vstack([path.jacobian, weight * jacobian]),
+            np.concatenate([distances.values, weight * violations]),
+            np.vstack([distances.jacobian, weight * jacobian]),
         )
 
 
@@ -236,7 +302,7 @@ def _linkage(space: Space, x: FloatArray) -> Linkage:
     return space.variants(x[None])[0]
 
 
-def _least_squares(fit: _PathFit, start: FloatArray) -> FloatArray:
+def _least_squares(fit: _Fit, start: FloatArray) -> FloatArray:
     """Return the variables of least residuals near a start."""
     # It takes half a second to load.
     from scipy.optimize import least_squares  # noqa: PLC0415
@@ -269,7 +335,8 @@ def _least_squares(fit: _PathFit, start: FloatArray) -> FloatArray:
         xtol=1e-10,
         ftol=MIN_GAIN,
         gtol=1e-15,
-        x_scale='jac',
+        # Beside dimensions in [0, 1] crank angles are as large.
+        x_scale='jac' if fit.requirements.poses is None else 1.0,
     )
     variables: FloatArray = start + solution.x
     variables[:dimension_count] = np.clip(variables[:dimension_count], 0.0, 1.0)

@@ -30,7 +30,6 @@ from .evolve import (
     WORST_LOSS,
 )
 from .figures import FIGURES
-from .poses import refined_on_poses
 from .proof import FittedCandidate, FoundLeg, ProofError, prove
 from .refine import leg_figures, refined
 from .requirements import Aim, Limit, LIMIT_MARGIN, Requirements
@@ -565,18 +564,12 @@ def _chosen(requirements: Requirements, survivors: Sequence[Survivor], state: St
 def _fitted(requirements: Requirements, survivor: Survivor) -> FittedCandidate | CandidateRefusal:
     """Return a candidate, refined on a path or poses, and rounded; or why it is no linkage."""
     space = requirements.spaces[survivor.space]
-    poses = requirements.poses
-    target = requirements.target
-    is_whole = requirements.rounding is None and target is None and poses is None
+    targets = requirements.target, requirements.poses, requirements.rounding
+    is_whole = targets == (None, None, None)
     try:
         if is_whole and _may_hold(requirements.cheap_limits, survivor.figures):
             return FittedCandidate(space, space.variants(survivor.x[None])[0], survivor.figures)
-        if poses is None:
-            linkage = refined(requirements, space, survivor.x)
-        else:
-            poses = poses if target is None else poses.with_path(target.points)
-            x = refined_on_poses(poses, space, survivor.x)
-            linkage = space.variants(x[None])[0]
+        linkage = refined(requirements, space, survivor.x)
         if requirements.rounding is not None:
             judge = partial(variant_scores, requirements.without_motion())
             linkage = rounded(requirements.rounding, space, linkage, judge)

@@ -12,10 +12,18 @@ from klann_ros.design.evolve import variant_scores
 from klann_ros.design.page import page
 from klann_ros.design.poses import EXACT_ERROR
 from klann_ros.design.proof import FittedCandidate, ProofError, prove
+from klann_ros.design.refine import leg_figures, refined
 from klann_ros.design.report import report_content, search_text
 from klann_ros.design.rounding import rounded, Rounding
 from klann_ros.design.space import RequirementsError, Units
-from klann_ros.kinematics import Linkage, linkage_poses, shipped_linkage, Variants
+from klann_ros.kinematics import (
+    foot_path,
+    Linkage,
+    linkage_poses,
+    LinkageLeg,
+    shipped_linkage,
+    Variants,
+)
 import numpy as np
 import pytest
 
@@ -114,6 +122,18 @@ def test_a_bar_that_is_not_the_foots_has_poses() -> None:
     poses = {'from': 'O2', 'point': 'A', 'at': at}
     assert reached(HIDDEN, {'poses': poses})['pose_error'] < 1e-7
     assert reached(FOUR_BAR, {'poses': poses})['pose_error'] == pytest.approx(0.005)
+
+
+def test_poses_are_refined_within_other_limits() -> None:
+    # Of four dimensions and three crank angles these poses leave one free.
+    poses = {'at': poses_of(HIDDEN, *XY, alphas=ALPHAS[:3])}
+    strides = []
+    for figures in ({}, {'stride': {'at_most': 0.17}}, {'stride': {'at_least': 0.19}}):
+        requirements = requirements_from({**LEG, 'poses': poses, 'figures': figures})
+        leg = refined(requirements, requirements.spaces[0], np.full(4, 0.5))
+        assert leg_figures(requirements, leg)['pose_error'] < 1e-3
+        strides.append(foot_path(LinkageLeg(leg)).stride)
+    assert strides[1] <= 0.17 < strides[0] < 0.19 <= strides[2]
 
 
 @pytest.mark.parametrize('names', [XY, (*XY, 'angle', 'crank'), ('angle', 'crank')])
