@@ -113,8 +113,8 @@ def key(assignment: Assignment, students: Sequence[Sequence[Variant]], *, has_st
             rows.append([f'{variants[0].student} {variants[0].name}'])
         for task in tasks:
             content.append(_task_heading(assignment, task + 1, students[0][task]))
-            note = rich(students[0][task].kind.note(language))
-            content.append(element('p', note, class_='note'))
+            if note := students[0][task].kind.note(language):
+                content.append(element('p', rich(note), class_='note'))
             for question in students[0][task].kind.questions:
                 unit = element('small', unit_sign(question.unit))
                 name = question_symbol(question, language)
@@ -164,15 +164,16 @@ def problem(variant: Variant, language: str, *, has_note: bool = True) -> Markup
     lines = []
     for name, number in variant.givens.items():
         lines.append(table_row(symbol(name), with_unit(number, unit_of(name), language)))
-    starts = range(0, len(lines), GIVEN_ROWS)
-    givens = [element('table', *lines[start:][:GIVEN_ROWS]) for start in starts]
+    drawing = picture(variant)
+    row_count = GIVEN_ROWS if drawing else GIVEN_ROWS // 2
+    starts = range(0, len(lines), row_count)
+    givens = [element('table', *lines[start:][:row_count]) for start in starts]
     task = []
     for line in words['kinds'][variant.kind.name][language]['task'].splitlines():
         task += [rich(line), element('br')]
     note = element('p', rich(words['sheet']['degrees'][language]), class_='note')
-    drawing = element('div', picture(variant), *givens, class_='given')
     text = element('p', *task, rich(variant.kind.note(language)))
-    return joined([text, *[note] * has_note, drawing])
+    return joined([text, *[note] * has_note, element('div', drawing, *givens, class_='given')])
 
 
 def _answers(variant: Variant, language: str, *, solved: bool = False) -> Markup:
