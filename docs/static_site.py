@@ -6,6 +6,7 @@ with the names of interactive/figures.yaml become figures that the reader turns,
 solver.
 """
 
+from html import escape, unescape
 from pathlib import Path
 import re
 import shutil
@@ -60,6 +61,7 @@ POLICY = (
 SPACED_FUNCTION = re.compile(r'(<mo>&ApplyFunction;</mo>)(?=\s*<m(?:i|n|sub|sup|frac|sqrt)\b)')
 DESCRIPTION = 'Leg linkages: kinematics, a lab in the browser, simulation and ROS 2 nodes'
 PICTURE = 'klann_ros.png'
+START = 'start.html'
 
 
 class LabLink(Transform):
@@ -124,7 +126,7 @@ def improve_markup(context: dict[str, Any]) -> None:
 
 
 def complete_page(
-    app: Sphinx, page: str, _template: str, context: dict[str, Any], _doctree: Any
+    app: Sphinx, page: str, template: str, context: dict[str, Any], _doctree: Any
 ) -> None:
     """Tell a page its language, its translation, what it may load, and its picture."""
     if page in PORTUGUESE:
@@ -132,7 +134,7 @@ def complete_page(
         context['translation'] = (PORTUGUESE[page], 'en', 'English')
     elif page in ENGLISH:
         context['translation'] = (ENGLISH[page], 'pt-BR', 'Português')
-    if FIGURE_IMAGE.search(context.get('body', '')):
+    if template == START or FIGURE_IMAGE.search(context.get('body', '')):
         app.add_css_file('figures.css')
         app.add_js_file('figures.js', loading_method='defer')
     improve_markup(context)
@@ -141,13 +143,14 @@ def complete_page(
     # Networks that show a picture beside a link take absolute addresses only.
     if app.config.html_baseurl:
         url = app.config.html_baseurl.rstrip('/')
+        title = context.get('title') or app.config.html_title
         tags += [
             f'<meta property="og:{name}" content="{content}">'
             for name, content in (
                 ('type', 'website'),
-                ('title', context.get('title') or app.config.html_title),
+                ('title', escape(unescape(re.sub(r'<[^>]*>', '', title)))),
                 ('description', DESCRIPTION),
-                ('image', f'{url}/_static/{PICTURE}'),
+                ('image', escape(f'{url}/_static/{PICTURE}')),
                 ('image:width', '1200'),
                 ('image:height', '630'),
             )

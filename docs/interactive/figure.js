@@ -101,6 +101,7 @@ class InteractiveFigure {
     this.isPlaying = false;
     this.isInSight = true;
     this.box = element('figure', 'interactive');
+    this.box.dataset.figure = stemOf(image);
     this.box.setAttribute('role', 'group');
     this.box.setAttribute('aria-label', word('figure'));
     this.choose(plan.pick ? plan.pick[0] : plan);
@@ -322,6 +323,7 @@ class Slider {
     const name = move.crank ? word('crank') : translated(move.name) || `|${move.length}|`;
     this.input = element('input');
     Object.assign(this.input, { type: 'range', ...this.range() });
+    this.input.setAttribute('aria-label', name);
     this.output = element('output');
     this.label.append(element('span', '', name), this.input, this.output);
     this.input.addEventListener('input', () => this.take(false));

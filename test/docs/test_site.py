@@ -3,7 +3,10 @@
 from collections.abc import Callable, Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+import math
 from pathlib import Path
+import re
+import runpy
 import subprocess
 import sys
 from threading import Thread
@@ -11,6 +14,8 @@ from typing import Any
 
 from browser import find
 from browser_page import OpenedPage
+from klann_ros.kinematics import foot_path, FourBar, KlannGeometry, KlannLeg
+import numpy as np
 import pytest
 
 pytest.importorskip('playwright')
@@ -19,6 +24,7 @@ if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
 
 ROOT = Path(__file__).resolve().parents[2]
+LEG = KlannLeg()
 # The pages with figures; the check `docs` builds all.
 SOURCES = ('index', 'theory', 'teoria', 'examples', 'exemplos', 'lab')
 FIGURES = {'theory': 12, 'teoria': 12, 'examples': 5, 'exemplos': 5}
@@ -73,6 +79,7 @@ def visit(browser: Any, address: str) -> Iterator[Visit]:
     def open_page(name: str, base: str = address, **options: Any) -> OpenedPage:
         context = browser.new_context(**options)
         contexts.append(context)
+        context.set_default_timeout(10_000)
         context.route(
             lambda url: not url.startswith((address, 'data:', 'file:')),
             lambda route: route.abort(),
@@ -104,3 +111,233 @@ def test_a_page_needs_nothing_from_outside_and_has_no_barrier(
     language = opened.page.evaluate('document.documentElement.lang')
     assert language == ('en' if name in {'theory', 'examples'} else 'pt-BR')
     assert opened.barriers(READABLE) == []
+
+
+def figure(opened: OpenedPage, name: str) -> Any:
+    """Return a figure of a page, when it is drawn."""
+    place = opened.page.locator(f'img[src$="/{name}.png"], [data-figure={name}]')
+    place.scroll_into_view_if_needed()
+    box = opened.page.locator(f'[data-figure={name}]')
+    box.wait_for()
+    return box
+
+
+def values(box: Any) -> dict[str, str]:
+    """Return the numbers below a figure."""
+    names, texts = (box.locator(f'dl {tag}').all_text_contents() for tag in ('dt', 'dd'))
+    return dict(zip(names, texts, strict=True))
+
+
+def numbers(text: str) -> list[float]:
+    return [float(number) for number in re.findall(r'[-+.\de]+\d', text.replace('\u2212', '-'))]
+
+
+def move(box: Any, label: str, value: float) -> None:
+    """Move a slider as the keyboard and the pointer do."""
+    slider = box.get_by_label(label, exact=True)
+    slider.fill(str(value))
+    slider.dispatch_event('change')
+
+
+def degrees(*angles: float) -> list[str]:
+    return [f'{math.degrees(angle):.2f}°' for angle in angles]
+
+
+def test_the_numbers_of_the_leg_are_those_of_python(visit: Visit) -> None:
+    opened = visit('theory')
+    for angle in (0, 100, 251):
+        alpha = math.radians(angle)
+        pose = LEG.closed_form(alpha)
+        box = figure(opened, 'klann_leg')
+        move(box, 'Crank angle', angle)
+        x, y = 1e3 * np.array(pose.h)
+        # Decimal separators are the language's, so a semicolon is between coordinates.
+        expected = [*degrees(*pose.x), f'({x:.1f}; {y:.1f}) mm'.replace('-', '\u2212')]
+        assert [*values(box).values()] == [text.replace('-', '\u2212') for text in expected]
+        box = figure(opened, 'klann_turn')
+        move(box, 'Crank angle', angle)
+        move(box, 'Direction of the force', 90)
+        shown = values(box)
+        assert [shown['μ₁'], shown['μ₂']] == degrees(*pose.transmission_angles)
+        assert shown['cond Φ'] == f'{pose.condition:.2f}'
+        assert numbers(shown['dH/dα']) == np.round(LEG.velocity(pose, 1.0).h, 4).tolist()
+        torque = LEG.crank_torque(pose, (0.0, 100.0))
+        assert numbers(shown['T for 100 N']) == [round(torque, 2)]
+
+
+def test_the_foot_path_is_that_of_python(visit: Visit) -> None:
+    box = figure(visit('theory'), 'klann_foot_path')
+    for length in (343, 350, 378):
+        move(box, '|B-C|', length)
+        path = foot_path(KlannLeg(KlannGeometry(l_bc=length / 1e3)))
+        stance = path.stance()
+        start, end = np.degrees([stance.start, stance.end])
+        assert values(box) == {
+            'stride': f'{1e3 * path.stride:.1f} mm',
+            'lift': f'{1e3 * path.lift:.1f} mm',
+            'stance': f'{start:.2f}° … {end:.2f}°',
+            'duty factor': f'{stance.duty_factor:.3f}',
+            'crank': 'the whole turn',
+        }
+    move(box, '|B-C|', 339.5)
+    ((start, end),) = KlannLeg(KlannGeometry(l_bc=0.3395)).reachable_arcs()
+    arc = f'{math.degrees(start):.1f}° … {math.degrees(end):.1f}°'
+    assert values(box)['crank'] == arc
+
+
+def test_newton_raphson_and_the_warm_start_are_those_of_python(visit: Visit) -> None:
+    opened = visit('theory')
+    alpha = math.radians(60.0)
+    iterates = LEG.newton(alpha, np.radians([15.0, 60.0, 45.0, 60.0]))
+    box = figure(opened, 'newton_convergence')
+    for k, iterate in enumerate(np.degrees(iterates)[:5]):
+        shown = values(box)
+        assert [*shown.values()][:4] == [f'{angle:.4f}°' for angle in iterate], k
+        box.get_by_role('button').click()
+    assert (shown['corrections'], shown['assembly']) == (str(len(iterates) - 1), '[+ +]')
+    box = figure(opened, 'warm_start')
+    pose = LEG.solve(alpha)
+    for step in (1, 20, 40):
+        move(box, 'Step of the crank', step)
+        turn = math.radians(step)
+        guesses = (pose.x, pose.x + turn * np.array(pose.coefficients))
+        counts = [len(LEG.newton(alpha + turn, guess)) - 1 for guess in guesses]
+        assert [*values(box).values()] == [f'{count} corrections' for count in counts]
+
+
+@pytest.mark.parametrize(
+    'lengths',
+    [
+        (180, 80, 200, 150),
+        (60, 120, 140, 150),
+        (200, 180, 120, 70),
+        (180, 150, 60, 140),
+        (180, 120, 130, 140),
+        (200, 100, 250, 150),
+        (200, 100, 200, 100),
+        (200, 100, 100, 200),
+    ],
+)
+def test_the_class_of_a_four_bar_is_that_of_python(visit: Visit, lengths: tuple[int, ...]) -> None:
+    box = figure(visit('examples'), 'example_four_bar')
+    # The longest first, so that it closes on the way.
+    for length, label in sorted(zip(lengths, ('L₁', 'L₂', 'L₃', 'L₄'), strict=True))[::-1]:
+        move(box, label, length)
+    grashof = FourBar(*lengths).grashof
+    shown = values(box)
+    assert shown['Grashof'] == f'{grashof.class_}, {grashof.type_}'
+
+
+def test_the_ratio_of_a_quick_return_is_that_of_its_geometry(visit: Visit) -> None:
+    box = figure(visit('examples'), 'example_quick_return')
+    for crank in (50, 62, 100):
+        move(box, 'Crank', crank)
+        lag = 2.0 * math.asin(crank / 200.0)
+        ratio = (math.pi + lag) / (math.pi - lag)
+        assert numbers(values(box)['time ratio']) == [pytest.approx(ratio, abs=6e-4)]
+
+
+def test_a_figure_moves_when_it_is_started_and_seen(visit: Visit) -> None:
+    opened = visit('examples', reduced_motion='no-preference')
+    box = figure(opened, 'example_walker')
+    angle = box.locator('output').first
+    opened.page.wait_for_timeout(300)
+    assert angle.text_content() == '60.0°'
+    box.get_by_role('button').press('Enter')
+    opened.until("document.querySelector('.interactive output').textContent !== '60.0°'")
+    opened.page.evaluate("scrollTo({ top: 1e6, behavior: 'instant' })")
+    opened.page.wait_for_timeout(200)
+    before = angle.text_content()
+    opened.page.wait_for_timeout(300)
+    assert angle.text_content() == before
+    box.get_by_role('button').click()
+    assert box.get_by_role('button').text_content() == 'Turn'
+
+
+def test_a_figure_steps_for_who_wants_no_motion_and_is_turned_by_keys_and_pointer(
+    visit: Visit,
+) -> None:
+    opened = visit('exemplos', reduced_motion='reduce')
+    box = figure(opened, 'example_change_point')
+    angle = box.locator('output').first
+    box.get_by_role('button').click()
+    opened.page.wait_for_timeout(200)
+    assert angle.text_content() == '75,0°'
+    box.get_by_label('Ângulo da manivela', exact=True).press('ArrowRight')
+    assert angle.text_content() == '76,0°'
+    box.locator('.interactive-grip').hover()
+    axle = box.locator('.leg rect[data-point=A]').bounding_box()
+    opened.page.mouse.down()
+    opened.page.mouse.move(axle['x'] - 60, axle['y'] + axle['height'] / 2)
+    opened.page.mouse.up()
+    assert numbers(angle.text_content().replace(',', '.')) == [pytest.approx(180.0, abs=1.0)]
+    chart = box.locator('.interactive-chart svg')
+    width = chart.bounding_box()['width']
+    chart.click(position={'x': width * (46 + 334 / 4) / 400, 'y': 60})
+    assert numbers(angle.text_content().replace(',', '.')) == [pytest.approx(90.0, abs=1.0)]
+    assert opened.complaints == []
+
+
+def test_every_figure_opens_in_the_lab_as_it_is(visit: Visit) -> None:
+    opened = visit('theory')
+    opened.page.evaluate(SCROLL)
+    links = {}
+    for box in opened.page.locator('.interactive').all():
+        options = box.locator('option').count()
+        for k in range(max(options, 1)):
+            if options:
+                box.locator('select').select_option(index=k)
+            link = box.get_by_role('link').evaluate('(node) => node.href')
+            links[link] = box.locator('output').first.text_content()
+    assert len(links) > FIGURES['theory']
+    page = opened.page.context.new_page()
+    for link, angle in links.items():
+        page.goto('about:blank')
+        lab = OpenedPage(page, link)
+        lab.until('Boolean(lab.turn)')
+        assert page.locator('#refusal').is_hidden(), link
+        assert f'{math.degrees(page.evaluate("lab.alpha")):.1f}°' == angle
+        assert lab.complaints == []
+
+
+def test_the_site_opens_from_a_disk(visit: Visit, site: Path) -> None:
+    opened = visit('exemplos', base=f'{site.as_uri()}/')
+    assert opened.page.evaluate(SCROLL) == FIGURES['exemplos']
+    assert opened.complaints == []
+
+
+def test_without_scripts_images_and_formulas_stay(visit: Visit) -> None:
+    opened = visit('theory', java_script_enabled=False)
+    assert opened.page.locator('img[src$="/dyad.png"]').is_visible()
+    assert opened.page.locator('math').count() > 100
+
+
+@pytest.mark.parametrize(
+    ('content', 'fault'),
+    [
+        ('<a href="b.html#there">', None),
+        ('<a href="#here"><i id="here">', None),
+        ('<a href="lab.html#crank=60">', None),
+        ('<a href="https://a.test/">', None),
+        ('<link rel="canonical" href="https://a.test/">', None),
+        ('<a href="none.html">', 'page.html: broken link none.html'),
+        ('<a href="b.html#nowhere">', 'page.html: broken link b.html#nowhere'),
+        ('<a href="../b.html">', 'page.html: broken link ../b.html'),
+        ('<img src="none.png">', 'page.html: broken link none.png'),
+        ('<script src="https://a.test/x.js">', 'page.html loads https://a.test/x.js'),
+        ('<script src="//a.test/x.js">', 'page.html loads //a.test/x.js'),
+        ('<link rel="stylesheet" href="http://a.test/">', 'page.html loads http://a.test/'),
+    ],
+)
+def test_a_build_names_broken_links_and_what_is_loaded_from_outside(
+    tmp_path: Path, content: str, fault: str | None
+) -> None:
+    folder = tmp_path / 'site'
+    folder.mkdir()
+    for page, text in (('page', content), ('b', '<i id="there">'), ('lab', '')):
+        (folder / f'{page}.html').write_text(text)
+    (tmp_path / 'b.html').touch()
+    site = runpy.run_path(str(ROOT / 'docs' / 'links.py'))['Site']
+    assert [*site(folder).broken_links()] == ([fault] if fault else [])
+    (folder / 'x.css').write_text('a { background: url("https://a.test/x.png") }')
+    assert 'x.css loads https://a.test/x.png' in site(folder).broken_links()
