@@ -5,49 +5,6 @@ function angleText(angle) {
   return degreesText(angle, 2);
 }
 
-// Types of four-bars, and the shapes of those of class III.
-const FOUR_BAR_TYPES = {
-  tripleRocker: { en: 'triple rocker', pt: 'triplo balancim' },
-  doubleCrank: { en: 'double crank', pt: 'dupla manivela' },
-  crankRocker: { en: 'crank-rocker', pt: 'manivela-balancim' },
-  rockerCrank: { en: 'rocker-crank', pt: 'balancim-manivela' },
-  doubleRocker: { en: 'double rocker', pt: 'duplo balancim' },
-};
-const FOUR_BAR_SHAPES = {
-  rhombus: { en: 'rhombus', pt: 'losango' },
-  parallelogram: { en: 'parallelogram', pt: 'paralelogramo' },
-  kite: { en: 'kite', pt: 'deltoide' },
-  changePoint: { en: 'change-point', pt: 'ponto de mudança' },
-};
-
-/** Return the special shape of a four-bar of class III, as `Grashof.shape` has it. */
-function fourBarShape([l1, l2, l3, l4], isEqual) {
-  const areOppositesEqual = isEqual(l1, l3) && isEqual(l2, l4);
-  if (areOppositesEqual) return isEqual(l1, l2) ? 'rhombus' : 'parallelogram';
-  const isKite = (isEqual(l1, l2) && isEqual(l3, l4)) || (isEqual(l2, l3) && isEqual(l4, l1));
-  return isKite ? 'kite' : 'changePoint';
-}
-
-/** Return the class of a four-bar and its type, as `FourBar.grashof` has them. */
-function grashofText({ linkage }) {
-  const number = (name) => linkage.numbers[dimensionNumber(linkage, name)];
-  const lengths = ['O4.x', 'O2-A', 'A-B', 'O4-B'].map(number);
-  const [l1, l2, , l4] = lengths;
-  const [shortest, second, third, longest] = [...lengths].sort((a, b) => a - b);
-  const isEqual = (a, b) => Math.abs(a - b) <= 1e-9 * longest;
-  const isLimit = isEqual(shortest + longest, second + third);
-  if (!isLimit && shortest + longest > second + third)
-    return `II, ${translated(FOUR_BAR_TYPES.tripleRocker)}`;
-  const isShort = (length) => isEqual(length, shortest);
-  let type = 'doubleRocker';
-  if (isShort(l1) || (isShort(l2) && isShort(l4))) type = 'doubleCrank';
-  else if (isShort(l2)) type = 'crankRocker';
-  else if (isShort(l4)) type = 'rockerCrank';
-  const text = translated(FOUR_BAR_TYPES[type]);
-  if (!isLimit) return `I, ${text}`;
-  return `III, ${translated(FOUR_BAR_SHAPES[fourBarShape(lengths, isEqual)])} ${text}`;
-}
-
 function turnsText(count) {
   const isOne = count === 1;
   return `${count} ${translated({ en: isOne ? 'turn' : 'turns', pt: isOne ? 'volta' : 'voltas' })}`;
@@ -147,7 +104,10 @@ const VALUES = {
 
   diagonal: (figure) => [['Z', lengthText(dyadCircles(figure).d)]],
 
-  grashof: (figure) => [[translated({ en: 'Grashof', pt: 'Grashof' }), grashofText(figure)]],
+  grashof: ({ linkage }) => {
+    const { kind, motion } = grashofOf(fourBarOf(linkage).lengths);
+    return [['Grashof', kind ? `${kind}, ${say('motions')[motion] || motion}` : '–']];
+  },
 
   reach: ({ turn }) => {
     const text = turn.isTurn
