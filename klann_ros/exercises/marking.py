@@ -114,7 +114,9 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
         if answer is None or _is_nan(answer) or variant.is_right(question, answer):
             continue
         fitting[question.name] = _fitting(variant, question, answer)
-    weights = Counter(mistake for mistakes in fitting.values() for mistake in mistakes)
+    # A word is easily a mistake's by chance.
+    of_numbers = [fitting[name] for name in fitting if isinstance(readings[name], float)]
+    weights = Counter(mistake for mistakes in of_numbers for mistake in mistakes)
     proven = {mistake for mistake in weights if _is_proven(variant, mistake, weights, readings)}
     marks: list[Mark] = []
     for question in questions:
@@ -145,8 +147,8 @@ def _is_proven(
     weights: Mapping[str, int],
     readings: Mapping[str, Answer | None],
 ) -> bool:
-    """Return whether a mistake explains two answers, and most of those that it changes."""
-    changed = [name for name in variant.mistaken[mistake] if readings[name] is not None]
+    """Return whether a mistake explains two numbers, and most of those that it changes."""
+    changed = [name for name in variant.mistaken[mistake] if isinstance(readings[name], float)]
     return weights[mistake] >= 2 and 2 * weights[mistake] > len(changed)
 
 

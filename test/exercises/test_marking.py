@@ -69,17 +69,23 @@ def test_rounding_is_no_excuse_for_another_number() -> None:
         assert (points['theta_4'] > 0.0) == is_excused, factor
 
 
-@pytest.mark.parametrize('case', ['alone', 'beside right answers', 'all wrong'])
+@pytest.mark.parametrize('case', ['alone', 'beside right answers', 'all wrong', 'words'])
 def test_a_wrong_answer_has_no_points_by_chance(case: str) -> None:
     chance = Random(46)  # noqa: S311 - no secret
     for name in 4 * [name for name in KINDS if name != 'foot-path']:
         variant = make_variant(KINDS[name], str(chance.randrange(10**6)))
         wrong = {}
-        for key, answer in variant.answers.items():
-            if not isinstance(answer, str):
+        for question in variant.kind.questions:
+            key = question.name
+            answer = variant.answers[key]
+            if isinstance(answer, str):
+                wrong[key] = next(choice for choice in question.choices if choice != answer)
+            else:
                 error = chance.choice([-1.0, 1.0]) * chance.uniform(0.05, 0.2)
                 wrong[key] = f'{answer * (1.0 + error):.{variant.kind.digits}g}'
-        if case != 'all wrong':
+        if case == 'words':
+            wrong = {q.name: wrong[q.name] for q in variant.kind.questions if q.choices}
+        elif case != 'all wrong':
             wrong = dict([chance.choice([*wrong.items()])])
         answers = right_answers(variant) | wrong if case == 'beside right answers' else wrong
         for answer_mark in mark(variant, answers):

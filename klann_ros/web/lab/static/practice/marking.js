@@ -43,11 +43,14 @@ function markAnswers(exercise, answers) {
       .map((each) => [each, fittingOf(exercise, each, read.get(each))]),
   );
   const weights = {};
-  for (const mistake of [...fitting.values()].flatMap((each) => [...each.keys()]))
-    weights[mistake] = (weights[mistake] ?? 0) + 1;
+  // A word is easily a mistake's by chance.
+  const isQuantity = (each) => typeof read.get(each) === 'number';
+  for (const [each, mistakes] of fitting)
+    for (const mistake of mistakes.keys())
+      weights[mistake] = (weights[mistake] ?? 0) + isQuantity(each);
   const isProven = (mistake) => {
     const changed = kind.questions.filter(
-      (each) => read.get(each) !== null && each.name in exercise.mistaken.get(mistake),
+      (each) => isQuantity(each) && each.name in exercise.mistaken.get(mistake),
     );
     return weights[mistake] > 1 && 2 * weights[mistake] > changed.length;
   };
