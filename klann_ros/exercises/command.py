@@ -31,18 +31,17 @@ from .gradebook import (
     ASSIGNMENT_FILE,
     check_same,
     class_summary,
+    grades,
     has_answers,
     load_assignment,
     make_secret,
     read_secret,
     read_students,
     read_tasks,
-    reasons_of,
     save_gradebook,
     save_marks,
     save_template,
     summary,
-    task_points,
     with_secret,
 )
 from .kinds import KINDS
@@ -172,9 +171,9 @@ def _mark(options: argparse.Namespace) -> int:
     class_marks = answers.marks()
     for note in answers.notes:
         print(f'note: {note}')
-    for (student, kind), points in task_points(class_marks, assignment).items():
-        print(f'{printable(student)}  {kind}  {points:g} of {assignment.points_of(kind):g}')
-        for reason in reasons_of(class_marks[student, kind], assignment.language):
+    for (student, kind), grade in grades(class_marks, assignment).items():
+        print(f'{printable(student)}  {kind}  {grade.points:g} of {assignment.points_of(kind):g}')
+        for reason in grade.reasons:
             print(f'    {reason}')
     refusals = [f'refused: {line}' for line in answers.refused]
     print('\n'.join([*class_summary(class_marks, assignment), *refusals]))

@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 import re
 from statistics import fmean, quantiles
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from klann_ros.cli import harmless, OutputError, plain, read_table, Table, write_table
 from klann_ros.sanitize.files import read_regular
@@ -23,7 +23,7 @@ from klann_ros.sanitize.text import (
 
 from .calculation import data
 from .kinds import KINDS
-from .marking import Mark, mark, Marks, read_answer, statistics
+from .marking import mark, Marks, read_answer, statistics
 from .sheet import Assignment, class_texts, localised, unit_sign
 from .variant import ExerciseError, LANGUAGES, look_up, Question, texts
 
@@ -40,6 +40,13 @@ SCIENTIFIC, DECIMALS = re.compile(r'\d(?:[.,]\d+)?[Ee]\+?\d+'), re.compile(r'(\d
 # A heading and its unit; the word before the number of a task.
 HEADING_WITH_UNIT = re.compile(r'(.*?)(?:[\[(]([^\[\]()]*)[\])])?', re.DOTALL)
 TASK_WORD = re.compile(r'^(?:questao|question|tarefa|task|exercicio|exercise)(?=\d)')
+
+
+class Grade(NamedTuple):
+    """The points of a student's task, to the hundredth, and a reason for each that is missing."""
+
+    points: float
+    reasons: list[str]
 
 
 def fingerprint(secret: str) -> str:
@@ -150,15 +157,9 @@ def read_tasks(arguments: Iterable[str]) -> dict[str, float]:
 
 def read_students(path: str, headings: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
     """
-    Return the names of a class by student number, and what was guessed.
+    Return the names of a class by student number, and what was guessed; headings by column.
 
-    `headings` are those of a column in this very table.
-
-    Raises
-    ------
-    ExerciseError
-        The file cannot be read, is no such table, has a student twice, or a row without one.
-
+    An ExerciseError means that the file is no such table, has a student twice, or a row without.
     """
     table = _table(path, headings)
     names: dict[str, str] = {}
@@ -414,47 +415,38 @@ def _kinds(class_marks: Marks, assignment: Assignment) -> Iterable[str]:
     return dict.fromkeys([*assignment.points, *(kind for _, kind in class_marks)])
 
 
-def task_points(class_marks: Marks, assignment: Assignment) -> dict[tuple[str, str], float]:
-    """Return the points of each student and kind, to the hundredth."""
-    points = {}
+def grades(class_marks: Marks, assignment: Assignment) -> dict[tuple[str, str], Grade]:
+    """Return the grades by student and kind."""
+    language = assignment.language
+    grade_of = {}
     for (student, kind), marks in class_marks.items():
         share = fmean(answer_mark.points for answer_mark in marks)
-        points[student, kind] = round(share * assignment.points_of(kind), 2)
-    return points
-
-
-def reasons_of(marks: Iterable[Mark], language: str) -> list[str]:
-    """Return a line for each answer that is not right."""
-    lines = []
-    for answer_mark in marks:
-        if answer_mark.points < 1.0:
-            answer = printable(answer_mark.given, 40) or '-'
-            points = localised(f'{answer_mark.points:g}', language)
-            lines.append(
-                f'{answer_mark.question} = {answer}: {points}, {answer_mark.reason(language)}'
-            )
-    return lines
+        reasons = []
+        for answer_mark in marks:
+            if answer_mark.points < 1.0:
+                answer = f'{answer_mark.question} = {printable(answer_mark.given, 40) or "-"}'
+                points = _points_text(answer_mark.points, language)
+                reasons.append(f'{answer}: {points}, {answer_mark.reason(language)}')
+        grade_of[student, kind] = Grade(round(share * assignment.points_of(kind), 2), reasons)
+    return grade_of
 
 
 def save_gradebook(class_marks: Marks, assignment: Assignment, file: BinaryIO) -> None:
     """Write the gradebook, a row a student: the points of each task, the total, the reasons."""
     language = assignment.language
     kinds = _kinds(class_marks, assignment)
-    points_of = task_points(class_marks, assignment)
+    grade_of = grades(class_marks, assignment)
     rows = []
     for student in dict.fromkeys([*assignment.students, *(student for student, _ in class_marks)]):
         cells = [student, assignment.students.get(student, '')]
-        total = 0.0
-        reasons: list[str] = []
-        for kind in kinds:
-            points = points_of.get((student, kind))
-            total += points or 0.0
-            cells.append('' if points is None else _points_text(points, language))
-            marks = class_marks.get((student, kind), ())
-            reasons += [f'{kind} {reason}' for reason in reasons_of(marks, language)]
-        is_present = any(cells[2:])
-        cells.append(_points_text(total, language) if is_present else '')
-        cells.append('; '.join(reasons) if is_present else assignment.word('absent'))
+        student_grades = {kind: grade_of.get((student, kind)) for kind in kinds}
+        marked = {kind: grade for kind, grade in student_grades.items() if grade}
+        for grade in student_grades.values():
+            cells.append(_points_text(grade.points, language) if grade else '')
+        total = sum(grade.points for grade in marked.values())
+        cells.append(_points_text(total, language) if marked else '')
+        reasons = [f'{kind} {reason}' for kind in marked for reason in marked[kind].reasons]
+        cells.append('; '.join(reasons) if marked else assignment.word('absent'))
         rows.append(cells)
     maxima = {kind: assignment.points_of(kind) for kind in kinds}
     maxima[assignment.word('total')] = sum(maxima.values())
@@ -478,8 +470,8 @@ def class_summary(class_marks: Marks, assignment: Assignment) -> list[str]:
         slips = ', '.join(f'{slip} {count:g}' for slip, count in counts.items())
         lines.append(f'{kind}: {students}, {share:.0f} %; {slips}')
     totals: dict[str, float] = {}
-    for (student, _), points in task_points(class_marks, assignment).items():
-        totals[student] = totals.get(student, 0.0) + points
+    for (student, _), grade in grades(class_marks, assignment).items():
+        totals[student] = totals.get(student, 0.0) + grade.points
     if len(totals) > 1:
         total = sum(map(assignment.points_of, _kinds(class_marks, assignment)))
         quartiles = quantiles(totals.values(), method='inclusive')
