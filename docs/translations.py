@@ -10,8 +10,11 @@ from collections.abc import Iterator
 import json
 from pathlib import Path
 import re
+from string import Template
 
+from klann_ros.exercises.calculation import data
 from klann_ros.exercises.platforms import install_cell
+from klann_ros.exercises.variant import texts
 
 DOCS = Path(__file__).resolve().parent
 NOTEBOOKS = DOCS.parent / 'examples' / 'notebooks'
@@ -22,6 +25,7 @@ PAGE_NAMES = {
     'python': 'python_pt',
     'lab': 'laboratorio',
     'teaching': 'ensino',
+    'examples': 'exemplos',
 }
 LANGUAGES = ('en', 'pt')
 BILINGUAL = re.compile(r'«([^«|»]*)\|([^«|»]*)»')
@@ -58,8 +62,24 @@ def notebook(text: str, language: str) -> str:
 
 
 def tables() -> dict[str, str]:
-    """Return the bilingual tables by their names."""
-    return dict(TABLE.findall((DOCS / 'tables.md.in').read_text(encoding='utf-8')))
+    """Return the bilingual tables by their names, with the words of the exercises in them."""
+    words = {}
+    for slip, description in texts()['slips'].items():
+        words[f'slip_{slip}'] = _bilingual(description)
+        credit = data()['marking']['credit']
+        words[f'credit_{slip}'] = str(credit.get(slip, credit['other']))
+    source = Template((DOCS / 'tables.md.in').read_text(encoding='utf-8'))
+    named_tables = dict(TABLE.findall(source.safe_substitute(words)))
+    rows = ['| `--kind` | «exercise|exercício» |', '|---|---|']
+    for kind, description in texts()['kinds'].items():
+        titles = {language: description[language]['title'] for language in LANGUAGES}
+        rows.append(f'| `{kind}` | {_bilingual(titles)} |')
+    named_tables['teaching-kinds'] = '\n'.join([*rows, ''])
+    return named_tables
+
+
+def _bilingual(words: dict[str, str]) -> str:
+    return f'«{words["en"]}|{words["pt"]}»'
 
 
 def page(text: str, language: str) -> str:

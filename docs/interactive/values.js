@@ -208,7 +208,7 @@ const VALUES = {
     const { greatest, least } = figure.turn.x;
     return [
       [translated({ en: 'stroke', pt: 'curso' }), lengthText(greatest - least)],
-      [translated({ en: 'time ratio', pt: 'razão de tempos' }), decimals(ratio, 3)],
+      [translated({ en: 'time ratio', pt: 'razão de tempo' }), decimals(ratio, 3)],
     ];
   },
 };

@@ -18,7 +18,7 @@ README = ROOT / 'README.md'
 MANUAL = sorted((ROOT / 'docs').glob('*.md'))
 PAGES = [README, ROOT / 'CONTRIBUTING.md', ROOT / 'SECURITY.md', *MANUAL]
 # Their blocks are held to more by tests of their own.
-RUN_ELSEWHERE = {'courses.md', 'cursos.md', 'python_pt.md', 'theory.md', 'teoria.md'}
+RUN_ELSEWHERE = {'courses.md', 'cursos.md', 'ensino.md', 'python_pt.md', 'theory.md', 'teoria.md'}
 
 
 def blocks(page: Path, language: str) -> list[str]:

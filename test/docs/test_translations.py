@@ -53,7 +53,8 @@ def words_in_code(text: str, _: str) -> list[str]:
 
 def links(text: str, _: str) -> Iterator[str]:
     """Yield the pages and figures that a page refers to, by their English names."""
-    english = {f'{portuguese}.md': f'{name}.md' for name, portuguese in PAGE_NAMES.items()}
+    names = {**PAGE_NAMES, 'theory': 'teoria'}
+    english = {f'{portuguese}.md': f'{name}.md' for name, portuguese in names.items()}
     for target in re.findall(r'\]\(([^)#\s]+)', text):
         yield english.get(target, target)
 
