@@ -163,8 +163,7 @@ def _derivatives(linkage: Linkage, alphas: FloatArray, poses: Any) -> tuple[Any,
             for j in block.unknowns:
                 speed = np.abs(x_1[j]) / (linkage.size if structure.bodies[j].slides else 1.0)
                 # Where a body turns back its rate is rounding.
-                is_dead = speed * np.abs(block.sine(u)) <= block.rounding_of_sine
-                advantages[j, is_dead] = inf
+                advantages[j, speed <= block.rounding_of_sine] = inf
     u_2 = []
     for j, product in enumerate(products):
         u_2.append(joints.vector_velocity(structure, u, x_2, j) + product)

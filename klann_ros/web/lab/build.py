@@ -30,7 +30,9 @@ def _scripts(folder: Path, names: str) -> tuple[Path, ...]:
 SOLVER = (
     _JS_YAML / 'js-yaml.min.js',
     *_scripts(_STATIC_FILES, 'complex structure order linkage dyads blocks solve branch changes'),
-    *_scripts(_STATIC_FILES, 'assemblies reach yaml yaml_text schema file parameters'),
+    *_scripts(
+        _STATIC_FILES, 'assemblies reach motion quantities yaml yaml_text schema file parameters'
+    ),
 )
 """What needs no browser: any linkage, solved as the kinematics does."""
 

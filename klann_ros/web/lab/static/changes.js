@@ -48,13 +48,14 @@ class ChangePoints {
     return offsets.filter((offset) => offset <= within).length + spans * offsets.length;
   }
 
-  /** Return the coordinates near a change point; null elsewhere. */
-  through(alpha) {
+  /** Return the coordinates, or their derivatives of an order, near a change point; null elsewhere. */
+  through(alpha, order = 0) {
     for (const { alpha: centre } of this.points) {
       const offset = this.offset(alpha, centre);
       if (Math.abs(offset) > NODE_STEP) continue;
       const { radius, nodes } = this.fit(centre);
-      return Math.abs(offset) <= radius ? interpolated(nodes, offset / radius) : null;
+      if (Math.abs(offset) > radius) return null;
+      return interpolated(nodes, offset / radius, order).map((value) => value / radius ** order);
     }
     return null;
   }
@@ -99,7 +100,9 @@ class ChangePoints {
   /** Return the coordinates that the dyads' circles have; null where one does not close. */
   direct(alpha) {
     const { linkage } = this;
-    return unlessOpen(() => linkage.coordinates(placedVectors(linkage, alpha, this.signsAt(alpha))));
+    return unlessOpen(() =>
+      linkage.coordinates(placedVectors(linkage, alpha, this.signsAt(alpha))),
+    );
   }
 
   /** Return the rates of a dyad's bodies at a change point, or with -1 those of the other way on. */
@@ -147,10 +150,12 @@ class ChangePoints {
     const dyads = linkage.blocks.filter((block) => block.isDyad && block.twoBranches);
     const rows = this.samples(SAMPLES * this.period, (alpha) => {
       const row = [];
-      unlessOpen(() => placedVectors(linkage, alpha, signs, linkage.blocks.length, (block, u) => {
-        if (dyads.includes(block))
-          row.push(block.solver.discriminant(block.solver.span(block.closure(u), u)));
-      }));
+      unlessOpen(() =>
+        placedVectors(linkage, alpha, signs, linkage.blocks.length, (block, u) => {
+          if (dyads.includes(block))
+            row.push(block.solver.discriminant(block.solver.span(block.closure(u), u)));
+        }),
+      );
       return row;
     });
     return dyads.some((_, k) => dips(rows.map((row) => row[k])).length > 0);
@@ -201,7 +206,10 @@ class ChangePoints {
 
   contacts(block, k) {
     const rounding = block.contactRounding;
-    const sampled = this.samples(SAMPLES * this.period, (alpha) => [alpha, this.span(block, k, alpha)]);
+    const sampled = this.samples(SAMPLES * this.period, (alpha) => [
+      alpha,
+      this.span(block, k, alpha),
+    ]);
     const clearances = sampled.map(([, m]) => (m ? block.solver.spanClearance(m) : -Infinity));
     const lowest = clearances.indexOf(Math.min(...clearances));
     if (!(clearances[lowest] >= -rounding)) this.cutAt(sampled[lowest][0]);
@@ -282,10 +290,19 @@ function isCrossing(discriminant, alpha) {
   return Math.round(Math.log2(sum(2 * ORDER_STEP) / sum(ORDER_STEP)) / 2) % 2 === 1;
 }
 
-/** Return the values at t of the polynomials through poses at the nodes. */
-function interpolated(nodes, t) {
-  const weights = NODES.map((node, n) =>
-    NODES.reduce((w, other, m) => (m === n ? w : (w * (t - other)) / (node - other)), 1),
-  );
+/** Return the values at t, or derivatives of an order, of the polynomials through poses at the nodes. */
+function interpolated(nodes, t, order = 0) {
+  const weights = NODES.map((node, n) => {
+    // Each factor is linear in t: the product, with its first and second derivative.
+    const times = ([w, w1, w2], other, m) =>
+      m === n
+        ? [w, w1, w2]
+        : [
+            (w * (t - other)) / (node - other),
+            (w1 * (t - other) + w) / (node - other),
+            (w2 * (t - other) + 2 * w1) / (node - other),
+          ];
+    return NODES.reduce(times, [1, 0, 0])[order];
+  });
   return nodes[0].map((_, j) => weights.reduce((sum, w, n) => sum + w * nodes[n][j], 0));
 }
