@@ -20,11 +20,12 @@ FRAME = tuple(SHARED / f'{name}.css' for name in ('theme', 'base', 'layout', 'ca
 
 COMMENT_LINES = re.compile(r'^ *(?:/\*(?:(?!\*/).)*\*/|//[^\n]*)\n', re.DOTALL | re.MULTILINE)
 STRINGS = re.compile(r"""('(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*"|`(?:\\.|[^`\\])*`)""")
-# Blanks around operators, in sums, after colons, semicolons and keywords. `a :hover` is not
+# Blanks around operators, in sums, after colons and semicolons, beside keywords. `a :hover` is not
 # `a:hover`.
 BLANKS = re.compile(
-    r' ?([!=<>?,{}&|*]) ?|(?<=[\w)\]]) ([+-]) (?=[\w(\[])|(?<=[:;]) |(?<=\bif) (?=\()'
-    r'|(?<=\bfor) (?=\()|(?<=\breturn) (?=[\[(])'
+    r' ?([!=<>?,{}&|*]) ?|(?<=[\w)\]]) ([-+/:]) (?=[\w(\[])|(?<=[:;]) |(?<=\bif) (?=\()'
+    r'|(?<=\bfor) (?=\()|(?<=\breturn) (?=[\[(`])|(?<=\bconst) (?=\[)'
+    r'|(?<=[)\]}]) (?=(?:return|of|throw|continue|break|else)\b)'
 )
 
 
@@ -65,7 +66,12 @@ class Parts:
 
     def _files(self, paths: Iterable[Path]) -> list[str]:
         contents = [*map(text, paths)]
-        return ['\n'.join(map(compact, contents))] if self.is_compact else contents
+        if not self.is_compact:
+            return contents
+        joined_files = '\n'.join(map(compact, contents))
+        # The first one is that of the whole script.
+        first, strict, others = joined_files.partition("'use strict';")
+        return [first + strict + others.replace(strict, '') if strict else joined_files]
 
     def policy(self, scripts: Iterable[str] = (), styles: Iterable[str] = ()) -> Markup:
         """
@@ -111,7 +117,8 @@ def compact(content: str) -> str:
     """Return a file without comments that have lines of their own, needless blanks and lines."""
     code = re.sub(r'^\s+', '', COMMENT_LINES.sub('', content), flags=re.MULTILINE)
     lines = re.sub(r',\n(?=[)\]}])', '\n', code).splitlines(keepends=True)
-    return ''.join(map(_tight, lines))
+    # No loop of these files has an empty body.
+    return re.sub(r';(?=\n?\})', '', ''.join(map(_tight, lines)))
 
 
 def _tight(line: str) -> str:
