@@ -1,6 +1,6 @@
 """The page that is installed is the one that its parts make."""
 
-from base64 import b64decode
+from base64 import b85decode
 import re
 import zlib
 
@@ -12,7 +12,9 @@ PACKED = re.compile('(?<=<script id="packed" type="text/plain">)[^<]+')
 
 def unpacked(page: str) -> str:
     """Return a page with the practice mode as it was before each zlib packed it its own way."""
-    return PACKED.sub(lambda match: zlib.decompress(b64decode(match[0])).decode(), page)
+    return PACKED.sub(
+        lambda match: zlib.decompress(b85decode(match[0].replace('.', '<'))).decode(), page
+    )
 
 
 def test_the_file_is_up_to_date() -> None:

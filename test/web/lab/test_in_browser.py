@@ -15,6 +15,7 @@ from klann_ros.kinematics import (
     KlannGeometry,
     KlannLeg,
     LinkageLeg,
+    shipped_linkage,
     shipped_linkages,
     UnreachableError,
 )
@@ -88,7 +89,6 @@ class Opened(OpenedPage):
 
     def load(self, text: str) -> None:
         """Load a text as somebody does who has pasted it."""
-        self.page.evaluate("document.querySelector('details:has(#text)').open = true")
         self.page.locator('#text').fill(text)
         self.page.locator('#load-text').click()
 
@@ -857,3 +857,195 @@ def test_a_linkage_of_two_turns_shows_which_one_it_is_in(lab) -> None:
     lab.page.evaluate('for (let n = 0; n < 8; n += 1) moveBy(Math.PI / 4)')
     assert lab.text('#alpha-text').endswith('turn 2 of 2')
     assert abs(rocker_angle(lab) - first) > 10.0
+
+
+def test_the_lectures_task_is_done_in_a_click(lab: Opened) -> None:
+    """Draw the angle of bar BC over the angle of AB, of the leg and of the four-bar."""
+    for name, across, key, bar in (
+        ('klann', 'alpha', 'gamma', 'BC'),
+        ('four_bar', 'theta2', 'theta3', 'AB'),
+    ):
+        lab.page.locator('#linkage').select_option(name)
+        lab.until('lab.turn.linkage === lab.linkage && Boolean(curves.curves)')
+        assert lab.text('#curve-legend').startswith(f'{key} ({bar}) = ')
+        labels = lab.page.locator('#curves text').all_text_contents()
+        assert {f'{across} [°]', f'{key} [°]'} <= {*labels}
+        assert labels[labels.index('360') - 4 :][:5] == ['0', '90', '180', '270', '360']
+        degrees, angles = lab.page.evaluate('curves.curves.map(({ pieces }) => pieces[0])')
+        leg = LinkageLeg(shipped_linkage(name))
+        expected = np.degrees(leg.table(np.radians(degrees))[key])
+        assert angles == pytest.approx(np.degrees(np.unwrap(np.radians(expected))), abs=1e-9)
+    lab.page.locator('#add-curve').select_option('theta4_rate')
+    lab.page.locator('#across').select_option('theta3')
+    assert 'theta4_rate [rad/s]' in lab.page.locator('#curves text').all_text_contents()
+    # The cursor is on the curves wherever the crank is.
+    for angle in (10, 200):
+        lab.page.locator('#alpha').fill(str(angle))
+        row = LinkageLeg(shipped_linkage('four_bar')).table(np.radians([angle]), 1.0)
+        x, y, dot = lab.page.evaluate("""() => {
+            const { x, y } = curves.plots[1];
+            const at = (name) => Number(curves.dots[1].getAttribute(name));
+            const shown = [at('cx'), at('cy')];
+            return [x.low + (shown[0] - x.from) / (x.to - x.from) * (x.high - x.low),
+                    y.low + (shown[1] - y.from) / (y.to - y.from) * (y.high - y.low), shown];
+        }""")
+        assert x == pytest.approx(np.degrees(row['theta3'])[0], abs=1e-6), dot
+        assert y == pytest.approx(row['theta4_rate'][0], abs=1e-9)
+    lab.page.locator('#curve-legend button', has_text='theta4_rate').click()
+    assert lab.page.evaluate('curves.keys') == ['theta3']
+
+
+def test_curves_have_gaps_and_all_turns(lab: Opened) -> None:
+    lab.page.locator('#linkage').select_option('chebyshev')
+    lab.until('lab.turn.linkage === lab.linkage && curves.curves?.[0].pieces.length === 2')
+    assert lab.page.locator('#curves .chart-line').first.get_attribute('d').count('M') == 2
+    widths = lab.page.locator('#curves .chart-dead').evaluate_all(
+        '(nodes) => nodes.map((node) => Number(node.getAttribute("width"))).filter(Boolean)'
+    )
+    span = lab.page.evaluate('curves.plots[0].x.to - curves.plots[0].x.from')
+    arcs = LinkageLeg(shipped_linkage('chebyshev')).reachable_arcs()
+    reach = sum(end - start for start, end in arcs) / (2.0 * np.pi)
+    assert sum(widths) / span == pytest.approx(1.0 - reach, abs=1e-6)
+    lab.load(change_point_file('two_turns').read_text(encoding='utf-8'))
+    lab.until('lab.turn.linkage === lab.linkage && curves.span === 720')
+    assert '720' in lab.page.locator('#curves text').all_text_contents()
+    lab.page.evaluate('lab.turnTo(3 * Math.PI)')
+    assert lab.page.locator('#curves').get_attribute('aria-valuenow') == '540.00'
+    lab.page.locator('#curves').focus()
+    lab.page.keyboard.press('Shift+ArrowLeft')
+    assert lab.page.locator('#chart').get_attribute('aria-valuenow') == '530.00'
+
+
+def test_the_values_are_those_of_python_at_the_rate_that_is_typed(lab: Opened) -> None:
+    lab.page.evaluate('lab.turnTo(Math.PI / 3)')
+    field = lab.page.locator('#rate')
+    field.fill('2')
+    row = KlannLeg().table([np.pi / 3.0], 2.0)
+
+    def cells(row_name: str) -> list[str]:
+        rows = lab.page.locator('.values tbody tr')
+        row = rows.filter(has_text=re.compile(f'^{re.escape(row_name)} '))
+        texts = row.locator('td').all_text_contents()
+        return [text.replace('\N{MINUS SIGN}', '-') for text in texts]
+
+    numbers = [row[f'gamma{end}'][0] for end in ('', '_rate', '_acceleration', '_advantage')]
+    numbers[0] = np.degrees(numbers[0])
+    assert cells('gamma') == [f'{numbers[0]:.2f}', *(f'{number:.4f}' for number in numbers[1:])]
+    names = [f'H.{axis}{end}' for end in ('', '_rate', '_acceleration') for axis in 'xy']
+    assert cells('H') == [f'{1e3 * row[name][0]:.2f}' for name in names]
+    assert cells('mu_2') == [f'{np.degrees(row.mu_2)[0]:.2f}']
+    for typed, rate in (('60 rpm', 2.0 * np.pi), ('-3', -3.0)):
+        field.fill(typed)
+        assert lab.page.evaluate('lab.rate') == pytest.approx(rate)
+    for typed in ('1e9', '3 mm', '3x'):
+        field.blur()
+        field.fill(typed)
+        field.press('Enter')
+        assert lab.page.evaluate('lab.rate') == -3.0
+        assert field.get_attribute('aria-invalid') == 'true'
+    field.fill('1')
+    # Where it does not close there are none.
+    lab.page.evaluate('lab.setNumber(1, 0.33); lab.turnTo(Math.PI * 11 / 12)')
+    assert cells('H') == ['\N{EN DASH}'] * 6
+
+
+@pytest.mark.parametrize('locale', ['en-US', 'pt-BR'])
+def test_a_turn_is_saved_and_read_back(visit, tmp_path: Path, locale: str) -> None:
+    opened = visit(locale=locale)
+    opened.page.evaluate("lab.choose('chebyshev')")
+    opened.until('lab.turn?.linkage === lab.linkage')
+    opened.page.locator('#table-step').select_option('10')
+    opened.page.locator('#table-rates').check()
+    text = saved_by(opened, '#table-save', tmp_path)
+    (path,) = tmp_path.iterdir()
+    assert path.name == 'chebyshev_linkage_turn.csv'
+    is_portuguese = locale == 'pt-BR'
+    table = LinkageLeg(shipped_linkage('chebyshev')).table(np.radians(np.arange(0, 361, 10)), 1.0)
+    expected = table.csv(decimal_comma=is_portuguese).splitlines()
+    lines = text.splitlines()
+    assert lines[0] == expected[0]
+    for line, expected_line in zip(lines[1:], expected[1:], strict=True):
+        for cell, expected_cell in zip(
+            *(row.split(';' if is_portuguese else ',') for row in (line, expected_line)),
+            strict=True,
+        ):
+            numbers = [float(text.replace(',', '.') or 'nan') for text in (cell, expected_cell)]
+            assert numbers[0] == pytest.approx(numbers[1], rel=1e-9, abs=1e-9, nan_ok=True)
+    opened.until("document.querySelectorAll('#turn-table tbody tr').length === 37")
+    assert (
+        opened.text('#turn-table tbody tr:last-child th')
+        == ('360,00', '360.00')[locale == 'en-US']
+    )
+
+
+def test_the_space_bar_turns_the_crank_but_where_it_writes_or_presses(lab: Opened) -> None:
+    page = lab.page
+    for selector in ('#alpha', '[data-grip=H]', '#values-title', '.values', '#curves', '#skip'):
+        page.locator(selector).focus()
+        page.keyboard.press('Space')
+        assert page.evaluate('crank.isTurning'), selector
+        page.keyboard.press('Space')
+        assert not page.evaluate('crank.isTurning'), selector
+    for selector in ('#name', '#text', '#rate', '#fit', '#others', '#across', 'summary'):
+        page.locator(selector).first.focus()
+        page.keyboard.press('Space')
+        assert not page.evaluate('crank.isTurning'), selector
+        page.keyboard.press('Escape')
+    page.evaluate("byId('others').checked = false; lab.undo()")
+
+
+def test_the_first_tab_skips_to_the_values(visit) -> None:
+    opened = visit(locale='en-US')
+    opened.page.keyboard.press('Tab')
+    assert opened.page.evaluate('document.activeElement.textContent') == 'Skip to the values'
+    opened.page.keyboard.press('Enter')
+    assert opened.page.evaluate('document.activeElement.id') == 'values-title'
+    assert opened.page.evaluate('location.hash') == ''
+    opened.page.keyboard.press('Tab')
+    assert opened.page.evaluate('document.activeElement.id') == 'rate'
+
+
+def test_cards_leave_no_holes(visit) -> None:
+    opened = visit(locale='pt-BR', viewport={'width': 1920, 'height': 1080})
+    for name in ('klann', 'four_bar', 'trotbot', 'side_rod'):
+        opened.page.evaluate(f"lab.choose('{name}')")
+        opened.until('lab.turn?.linkage === lab.linkage')
+        opened.page.wait_for_timeout(300)
+        gaps = opened.page.evaluate("""() => {
+            const cards = [...document.querySelectorAll('main > .card, main > div .card')]
+                .map((card) => card.getBoundingClientRect()).filter(({ height }) => height);
+            const bottom = Math.max(...cards.map((box) => box.bottom));
+            // Below each card there is the next one, or the end of the page.
+            return cards.map((box) => Math.min(...cards
+                .filter((below) => below.top >= box.bottom && below.left < box.right
+                    && below.right > box.left)
+                .map((below) => below.top - box.bottom), bottom - box.bottom));
+        }""")
+        assert max(gaps) <= 15.0, name
+
+
+def test_it_prints_a_report_on_two_pages(visit) -> None:
+    opened = visit(locale='pt-BR', color_scheme='dark')
+    for setup in (
+        "lab.choose('klann')",
+        "lab.choose('trotbot'); curves.put('J7.y'); curves.put('J7.x_rate')",
+        "lab.choose('klann'); lab.setNumber(1, 0.33); lab.turnTo(Math.PI * 11 / 12)",
+    ):
+        opened.page.evaluate(setup)
+        opened.until('lab.turn?.linkage === lab.linkage')
+        opened.page.wait_for_timeout(300)
+        document = opened.page.pdf(prefer_css_page_size=True)
+        assert len(re.findall(rb'/Type\s*/Page\b', document)) == 2, setup
+
+
+def test_phi_of_the_leg_is_as_wide_as_a_telephone(visit) -> None:
+    size = {'width': 390, 'height': 844}
+    opened = visit(locale='pt-BR', viewport=size, has_touch=True, is_mobile=True)
+    opened.page.locator('#lecture').click()
+    opened.until("document.querySelectorAll('#step .matrix td').length >= 24")
+    assert opened.page.evaluate("byId('step').scrollWidth <= byId('step').clientWidth")
+    # A larger one scrolls in its own box.
+    opened.page.evaluate("lab.choose('jansen')")
+    opened.until('lab.turn?.linkage === lab.linkage')
+    assert opened.page.evaluate("byId('step').scrollWidth > byId('step').clientWidth")
+    assert opened.page.evaluate('document.documentElement.scrollWidth') == 390

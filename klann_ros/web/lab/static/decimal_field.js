@@ -37,7 +37,7 @@ function quantityOf(text, unit, isEnd = true) {
   if (factor) return Number((number * factor).toPrecision(15));
   // It may become one.
   if (!isEnd) return null;
-  return refuseText(unit === 'mm' ? 'noLength' : 'noAngle', word);
+  return refuseText({ mm: 'noLength', '°': 'noAngle' }[unit] || 'noRate', word);
 }
 
 function refuseText(key, text) {

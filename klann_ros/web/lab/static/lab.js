@@ -6,6 +6,9 @@ const UNITS = JSON.parse(byId('units').textContent);
 const scene = new Scene(byId('scene'), lab);
 const statePanel = new StatePanel(lab);
 const chart = new TurnChart(byId('chart'), lab);
+const curves = new CurvesPanel(byId('curves'), lab);
+const values = new ValuesPanel(lab, curves);
+const turnTable = new TurnTable(lab);
 const assemblies = new AssembliesPanel(byId('assemblies'), lab, scene);
 const numbers = new NumbersPanel(byId('numbers'), lab);
 const newton = new NewtonPanel(lab, scene);
@@ -93,6 +96,7 @@ function showHistory() {
   byId('undo').disabled = !lab.past.length;
   byId('redo').disabled = !lab.future.length;
   if (document.activeElement !== byId('name')) byId('name').value = lab.name;
+  showChoice();
 }
 
 function step(act) {
@@ -170,6 +174,8 @@ function loadText(text, source) {
 }
 
 function showChoice() {
+  document.querySelector('h1').dataset.name =
+    (language.now === 'pt' && TITLES[lab.source]) || lab.name;
   byId('linkage').value = Object.hasOwn(lab.shipped, lab.source) ? lab.source : '';
 }
 
@@ -213,11 +219,11 @@ function fileStem() {
 }
 
 /** Save a text under a name, or say why there is none. */
-function save(textOf, name) {
+function save(textOf, name, ending = 'yaml') {
   lab.attempt(() => {
     const link = made('a');
-    link.href = URL.createObjectURL(new Blob([textOf()], { type: 'text/yaml' }));
-    link.download = `${name}.yaml`;
+    link.href = URL.createObjectURL(new Blob([textOf()], { type: `text/${ending}` }));
+    link.download = `${name}.${ending}`;
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
     lab.refusal = null;
@@ -275,7 +281,11 @@ function speak(now) {
   statePanel.showTurn();
   numbers.build();
   newton.build();
-  if (lab.turn) chart.draw();
+  values.build();
+  curves.offer();
+  curves.draw();
+  if (lab.turn) turnTable.show();
+  chart.draw();
   assemblies.soon();
   scene.nameGrips();
   pathPanel.write();
@@ -308,6 +318,13 @@ function listen() {
     scene.showOthers([]);
     assemblies.show();
   });
+  on('print', 'click', () => window.print());
+  on('skip', 'click', (event) => {
+    // The address holds the state.
+    event.preventDefault();
+    byId('values-title').focus();
+  });
+  on('table-save', 'click', () => save(() => turnTable.text(), `${fileStem()}_turn`, 'csv'));
   on('save-linkage', 'click', () => save(() => textToSave(false), fileStem()));
   on('save-parameters', 'click', () => save(() => textToSave(true), `${fileStem()}_parameters`));
   on('save-requirements', 'click', () => save(requirementsText, 'requirements'));
@@ -321,8 +338,12 @@ function listen() {
   for (const button of document.querySelectorAll('[data-language]'))
     button.addEventListener('click', () => speak(button.dataset.language));
   document.addEventListener('keydown', (event) => {
-    const isOwn = event.target.closest('input, select, textarea, button, summary, .grip');
-    if (isPractising() || event.key !== ' ' || isOwn || event.ctrlKey || event.altKey || event.metaKey) return;
+    // Where the space bar writes, presses or opens something it does.
+    const isTaken = event.target.closest(
+      'input:not([type=range]), select, textarea, button, summary',
+    );
+    const isAlone = !(event.ctrlKey || event.altKey || event.metaKey || event.shiftKey);
+    if (isPractising() || event.key !== ' ' || isTaken || !isAlone) return;
     event.preventDefault();
     toggle();
   });
@@ -339,7 +360,6 @@ function listen() {
     event.preventDefault();
     openFile(event.dataTransfer.files[0]);
   });
-  onThemeChange(() => lab.turn && chart.draw());
 }
 
 lab.on('linkage', () => {

@@ -2,13 +2,17 @@
 /* The linkage on the page: its numbers, its crank angle, the history of edits, and what follows. */
 
 const MAX_HISTORY = 200;
+// Of the crank [rad/s].
+const MAX_RATE = 1e6;
 // What an edit changes; the crank angle alone is no edit.
-const EDITED = ['source', 'read', 'content', 'isKlann', 'linkage', 'name', 'guess'];
+const EDITED = ['source', 'read', 'content', 'isKlann', 'linkage', 'name', 'guess', 'rate'];
 
 class Lab {
   constructor(shipped) {
     this.shipped = shipped;
     this.alpha = 0;
+    // The crank's rate [rad/s].
+    this.rate = 1;
     this.listeners = { pose: [], numbers: [], linkage: [], turn: [], guess: [], history: [] };
     this.refusal = null;
     this.clearHistory();
@@ -105,6 +109,17 @@ class Lab {
     });
   }
 
+  /** Take a rate of the crank [rad/s]. */
+  setRate(rate) {
+    this.attempt(() => {
+      refuseUnless(Math.abs(rate) <= MAX_RATE, TEXTS.en.tooFast, TEXTS.pt.tooFast);
+      this.rate = rate;
+      this.refusal = null;
+      this.tell('pose');
+      if (this.turn) this.tell('turn');
+    });
+  }
+
   setName(name) {
     this.attempt(() => {
       this.name = name;
@@ -114,9 +129,7 @@ class Lab {
   setSigns(pose) {
     const { structure, numbers, kept, isDyadic } = this.linkage;
     this.attempt(() => {
-      const branch = isDyadic
-        ? this.linkage.branchAt(pose.x[0], pose.signs)
-        : { start: pose.x };
+      const branch = isDyadic ? this.linkage.branchAt(pose.x[0], pose.signs) : { start: pose.x };
       this.change(new Linkage(structure, numbers, { ...kept, ...branch }));
     });
   }

@@ -4,7 +4,7 @@
 // Each kind of quantity: its unit, that of the page, its size in SI, and decimals.
 const KINDS = {
   angle: ['deg', '°', 360 / TAU, 2],
-  length: ['mm', 'mm', 1000, 3],
+  length: ['mm', 'mm', 1000, 2],
   angle_rate: ['rad/s', 'rad/s', 1, 4],
   length_rate: ['mm/s', 'mm/s', 1000, 2],
   angle_acceleration: ['rad/s^2', 'rad/s²', 1, 4],
@@ -87,7 +87,7 @@ function turnRows(linkage, quantities, step, rate) {
 }
 
 /** Return rows as CSV: with decimal commas and semicolons where numbers are written so. */
-function csvOf(quantities, rows, hasComma) {
+function csvOf(quantities, rows, hasComma, separator = hasComma ? ';' : ',') {
   const cell = (value) => {
     if (Number.isNaN(value)) return '';
     const text = Number.isFinite(value) ? String(value) : value < 0 ? '-inf' : 'inf';
@@ -95,5 +95,5 @@ function csvOf(quantities, rows, hasComma) {
   };
   const heads = quantities.map(({ key, kind }) => `${key} [${KINDS[kind][0]}]`);
   const lines = [heads, ...rows.map((row) => row.map(cell))];
-  return lines.map((line) => `${line.join(hasComma ? ';' : ',')}\n`).join('');
+  return lines.map((line) => `${line.join(separator)}\n`).join('');
 }

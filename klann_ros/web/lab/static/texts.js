@@ -76,10 +76,37 @@ const TEXTS = {
     bend: (what) => `bend ${what}`,
     direction: (what) => `direction ${what}`,
     chart: 'Transmission angles over a turn',
-    chartHint:
-      'Good practice: 40° to 140°, shaded. Red: the crank cannot be there. Click to go there.',
-    chartLabel: (list) => `Transmission angles over the crank angle: ${list}`,
+    chartHint: 'Good practice: 40° to 140°, shaded.',
     dyad: (k, least, greatest) => `dyad ${k} ${least} to ${greatest}`,
+    skip: 'Skip to the values',
+    print: 'Print',
+    values: 'Values at this angle',
+    rate: 'Crank rate [rad/s]',
+    valuesHint:
+      'A rate may be typed as 60 rpm. T/T: the torque of a body over the crank’s. Click a number for its curve.',
+    noRate: (text) => `${text} is no unit of a rate: write rad/s or rpm, or nothing for rad/s`,
+    tooFast: 'the crank rate must be within ±1,000,000 rad/s',
+    body: 'Body',
+    angle: 'Angle',
+    velocity: 'Rate',
+    acceleration: 'Acceleration',
+    advantage: 'T/T crank',
+    pointName: 'Point',
+    dyadName: 'Transmission',
+    coupled: 'coupled loops',
+    curves: 'Curves',
+    across: 'Over',
+    addCurve: 'Add a curve',
+    curvesHint: 'A click or the arrow keys turn the crank. Red: it cannot be there.',
+    removeCurve: (key) => `Remove ${key}`,
+    turnTable: 'A turn as a table',
+    tableStep: 'Step',
+    tableRates: 'rates, accelerations, advantages',
+    tableCopy: 'Copy',
+    tableSave: 'Save as CSV',
+    tableHint: 'The columns are those of leg.table in Python.',
+    tableCopied: 'Copied: paste it into a spreadsheet.',
+    tableNotCopied: 'It cannot be copied here: save it.',
     assemblies: 'Assemblies at this angle',
     taken: 'drawn',
     take: 'take this',
@@ -221,10 +248,39 @@ const TEXTS = {
     bend: (what) => `ângulo ${what}`,
     direction: (what) => `direção ${what}`,
     chart: 'Ângulos de transmissão numa volta',
-    chartHint:
-      'Boa prática: 40° a 140°, faixa sombreada. Vermelho: a manivela não chega lá. Clique para ir até lá.',
-    chartLabel: (list) => `Ângulos de transmissão em função do ângulo da manivela: ${list}`,
+    chartHint: 'Boa prática: 40° a 140°, faixa sombreada.',
     dyad: (k, least, greatest) => `díade ${k} ${least} a ${greatest}`,
+    skip: 'Ir para os valores',
+    print: 'Imprimir',
+    values: 'Valores neste ângulo',
+    rate: 'Velocidade da manivela [rad/s]',
+    valuesHint:
+      'A velocidade pode ser 60 rpm. T/T: o torque de um corpo sobre o da manivela. Clique num número para ver a curva.',
+    noRate: (text) =>
+      `${text} não é uma unidade de velocidade: use rad/s ou rpm, ou nenhuma para rad/s`,
+    tooFast: 'a velocidade da manivela tem de estar entre ±1.000.000 rad/s',
+    body: 'Corpo',
+    angle: 'Ângulo',
+    velocity: 'Velocidade',
+    acceleration: 'Aceleração',
+    advantage: 'T/T manivela',
+    pointName: 'Ponto',
+    dyadName: 'Transmissão',
+    coupled: 'malhas acopladas',
+    curves: 'Curvas',
+    across: 'Em função de',
+    addCurve: 'Mais uma curva',
+    curvesHint: 'Um clique ou as setas giram a manivela. Vermelho: ela não chega lá.',
+    removeCurve: (key) => `Retirar ${key}`,
+    turnTable: 'Uma volta em tabela',
+    tableStep: 'Passo',
+    tableRates: 'velocidades, acelerações, vantagens',
+    tableCopy: 'Copiar',
+    tableSave: 'Salvar em CSV',
+    tableHint:
+      'As colunas são as de leg.table em Python. O CSV abre no Excel brasileiro: vírgula decimal, ponto e vírgula.',
+    tableCopied: 'Copiada: cole numa planilha.',
+    tableNotCopied: 'Não é possível copiar aqui: salve em CSV.',
     assemblies: 'Montagens neste ângulo',
     taken: 'desenhada',
     take: 'usar esta',
@@ -342,12 +398,7 @@ function translate() {
 
 function decimals(value, digits) {
   const shown = Object.is(Number(value.toFixed(digits)), -0) ? 0 : value;
-  const text = shown.toLocaleString(language.now === 'pt' ? 'pt-BR' : 'en-US', {
-    minimumFractionDigits: digits,
-    maximumFractionDigits: digits,
-    useGrouping: false,
-  });
-  return text.replace('-', '\u2212');
+  return inLocale(shown.toFixed(digits));
 }
 
 function inLocale(text) {
