@@ -4,14 +4,7 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 
-from klann_ros.cli import (
-    ArgumentParser,
-    NOT_READ,
-    number_type,
-    output_files,
-    path,
-    save_texts,
-)
+from klann_ros.cli import ArgumentParser, NOT_READ, number_type, output_files, path, save_texts
 from klann_ros.dynamics import MassError
 from klann_ros.kinematics import LinkageLeg
 from klann_ros.robot import robot_of, RobotFileError
@@ -57,12 +50,11 @@ def _describe(options: argparse.Namespace) -> int:
     numbers = {'speed': options.speed, 'load': options.load}
     sheet = data_sheet(robot, **numbers, motor=motor, margins=options.margins)
     print(sheet_text(sheet), end='')
-    if options.table is not None:
-        for leg in sheet.legs:
-            end = 360.0 * leg.linkage.change_points.period + 1e-9
-            alphas = np.radians(np.arange(0.0, end, options.table))
-            print(f'\n{printable_line(leg.title or sheet.name)} at {options.speed:g} rad/s')
-            print(LinkageLeg(leg.linkage).table(alphas, options.speed))
+    for leg in sheet.legs if options.table is not None else ():
+        end = 360.0 * leg.linkage.change_points.period + 1e-9
+        alphas = np.radians(np.arange(0.0, end, options.table))
+        print(f'\n{printable_line(leg.title or sheet.name)} at {options.speed:g} rad/s')
+        print(LinkageLeg(leg.linkage).table(alphas, options.speed))
     save_texts(files, {'--html': partial(page, sheet), '--json': partial(report, sheet)})
     return 0 if sheet.motor_turns else MOTOR_FAILS
 

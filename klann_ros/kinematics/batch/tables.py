@@ -1,10 +1,9 @@
 """Tables of a leg over its crank angle: arrays, printed, or as CSV."""
 
 from collections.abc import Iterator, Mapping
-import csv
 from dataclasses import dataclass
 from io import StringIO
-from math import inf, isnan, pi
+from math import inf, pi
 from typing import Any
 
 from klann_ros.kinematics.arrays import FloatArray, with_short_repr
@@ -29,6 +28,8 @@ PRINTED = {
 }
 # The course's symbols of a four-bar's columns.
 SYMBOLS = {'z': 'Z', 'transmission_angle': 'mu', 'mechanical_advantage': 'T4/T2'}
+# The ends of the names and units of a quantity and its derivatives.
+ORDERS = ('', ''), ('_rate', '/s'), ('_acceleration', '/s^2')
 # Rows of the printed table, and characters of its lines; the arrays have all.
 MAX_ROWS = 100
 MAX_LINE = 99
@@ -89,19 +90,18 @@ class LegTable:
         """
         Return the table as CSV in its printed units, with all digits; NaN are empty cells.
 
-        With decimal commas the cells are separated by semicolons, as a Brazilian spreadsheet has
-        them.
+        Decimal commas come with semicolons between the cells, as for a Brazilian spreadsheet.
         """
+        separator = ';' if decimal_comma else ','
+        heads = []
         columns = []
         for name, unit, _, numbers in self._printed_columns():
-            texts = ['' if isnan(number) else repr(number) for number in numbers.tolist()]
-            if decimal_comma:
-                texts = [text.replace('.', ',') for text in texts]
-            columns.append([f'{name} [{unit}]' if unit else name, *texts])
+            heads.append(f'{name} [{unit}]' if unit else name)
+            columns.append(numbers)
         file = StringIO()
-        writer = csv.writer(file, delimiter=';' if decimal_comma else ',', lineterminator='\n')
-        writer.writerows(zip(*columns, strict=True))
-        return file.getvalue()
+        np.savetxt(file, np.stack(columns, axis=-1), '%s', separator)
+        text = file.getvalue().replace('nan', '')
+        return f'{separator.join(heads)}\n{text.replace(".", ",") if decimal_comma else text}'
 
     def _printed_columns(self) -> Iterator[tuple[str, str, int, FloatArray]]:
         """Yield the symbol, unit, decimals and numbers of each column, as they are printed."""
@@ -116,62 +116,51 @@ def leg_table(leg: Any, alphas: ArrayLike, crank_rate: float | None = None) -> L
     structure = linkage.structure
     options: Any = {'angles': True, 'points': True, 'transmission_angles': True}
     poses: Any = linkage_poses(leg, alphas, **options, velocities=crank_rate is not None)
-    motions = [('', '', poses.angles, poses.points)]
-    advantages = np.empty(0)
+    crank_angles = np.array(alphas, float)
+    motions = [(poses.angles, poses.points)]
     if crank_rate is not None:
         check_rate('crank_rate', crank_rate)
-        angles_2, points_2, advantages = _derivatives(linkage, np.array(alphas, float), poses)
-        rate = float(crank_rate)
-        motions.append(('_rate', '/s', rate * poses.angles_1, rate * poses.points_1))
-        motions.append(('_acceleration', '/s^2', rate**2 * angles_2, rate**2 * points_2))
-    columns: dict[str, tuple[Any, str]] = {structure.angles[0]: (np.array(alphas, float), 'rad')}
-    for suffix, per_time, angles, points in motions:
+        motions.append((crank_rate * poses.angles_1, crank_rate * poses.points_1))
+        angles_2, points_2 = _second_derivatives(linkage, crank_angles, poses)
+        motions.append((crank_rate**2 * angles_2, crank_rate**2 * points_2))
+    columns: dict[str, tuple[FloatArray, str]] = {structure.angles[0]: (crank_angles, 'rad')}
+    for (suffix, per_time), (angles, points) in zip(ORDERS, motions, strict=False):
         length_unit = structure.unit + per_time if structure.unit else ''
-        for j, name in enumerate(structure.angles[1:], 1):
-            unit = length_unit if structure.bodies[j].slides else f'rad{per_time}'
-            columns[name + suffix] = angles[..., j - 1], unit
+        for j, name in enumerate(structure.angles[1:]):
+            unit = length_unit if structure.bodies[j + 1].slides else f'rad{per_time}'
+            columns[name + suffix] = angles[..., j], unit
         for n, point in enumerate(structure.points):
             if point not in structure.pivots:
                 columns[f'{point}.x{suffix}'] = points[..., n, 0], length_unit
                 columns[f'{point}.y{suffix}'] = points[..., n, 1], length_unit
     for k in range(len(linkage.blocks)):
         columns[f'mu_{k + 1}'] = poses.transmission_angles[..., k], 'rad'
-    for j, numbers in enumerate(advantages, 1):
-        unit = '1/m' if structure.bodies[j].slides else '1'
-        columns[f'{structure.angles[j]}_advantage'] = numbers, unit
+    for j, body in enumerate(structure.bodies[1:] if crank_rate is not None else ()):
+        (block,) = (block for block in linkage.blocks if j + 1 in block.unknowns)
+        # Where a body turns back its rate is rounding.
+        rounding = block.rounding_of_sine * (linkage.size if body.slides else 1.0)
+        slopes = poses.angles_1[..., j]
+        with np.errstate(divide='ignore'):
+            advantage = np.where(np.abs(slopes) <= rounding, inf, 1.0 / slopes)
+        columns[f'{structure.angles[j + 1]}_advantage'] = advantage, '1/m' if body.slides else '1'
     return table_of(columns)
 
 
-def _derivatives(linkage: Linkage, alphas: FloatArray, poses: Any) -> tuple[Any, Any, FloatArray]:
-    """
-    Return the second derivatives of angles and points by the crank angle, and the advantages.
-
-    The loops stay closed, W d2u = 0, and the mechanical advantage of a body is 1 / (dx/dalpha).
-    """
+def _second_derivatives(linkage: Linkage, alphas: FloatArray, poses: Any) -> tuple[Any, Any]:
+    """Return those of angles and points by the crank angle; the loops stay closed, W d2u = 0."""
     structure = linkage.structure
     rates = np.moveaxis(poses.angles_1, -1, 0)
-    x_1 = np.array([1.0 + 0.0 * rates[0], *rates])
     u = joints.body_vectors(structure, [alphas, *np.moveaxis(poses.angles, -1, 0)])
-    products = joints.velocity_product(structure, u, x_1)
+    products = joints.velocity_product(structure, u, [1.0 + 0.0 * rates[0], *rates])
     with np.errstate(all='ignore'):
         closings = [block.closing(u) for block in linkage.blocks]
         x_2 = np.array(joints.solve_rates(structure, u, closings, 0.0, bent=products)[0])
-        for near, pose in linkage.change_points.interpolated_poses(alphas):
-            x_2[1:, near] = pose.x_2.T
-        advantages = 1.0 / x_1
-        for block in linkage.blocks:
-            for j in block.unknowns:
-                speed = np.abs(x_1[j]) / (linkage.size if structure.bodies[j].slides else 1.0)
-                # Where a body turns back its rate is rounding.
-                advantages[j, speed <= block.rounding_of_sine] = inf
-    u_2 = []
-    for j, product in enumerate(products):
-        u_2.append(joints.vector_velocity(structure, u, x_2, j) + product)
-    points_2 = []
-    for terms, _ in linkage.point_rows:
-        end = joints.vector_sum(terms, u_2, np.zeros(alphas.shape, complex))
-        points_2.append(np.stack([end.real, end.imag], axis=-1))
-    return np.moveaxis(x_2[1:], 0, -1), np.stack(points_2, axis=-2), advantages[1:]
+    for near, pose in linkage.change_points.interpolated_poses(alphas):
+        x_2[1:, near] = pose.x_2.T
+    u_2 = [joints.vector_velocity(structure, u, x_2, j) for j in range(len(u))]
+    ends = np.tensordot(linkage.point_equations[0], np.add(u_2, products), 1)
+    points_2 = np.array([ends.real, ends.imag])
+    return np.moveaxis(x_2[1:], 0, -1), np.moveaxis(points_2, (0, 1), (-1, -2))
 
 
 def table_of(columns: Mapping[str, tuple[FloatArray, str]]) -> LegTable:

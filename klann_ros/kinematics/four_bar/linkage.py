@@ -242,18 +242,16 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         x = table['A.x'] - geometry.ground
         y = table['A.y']
         z = np.hypot(x, y)
-        columns: dict[str, tuple[FloatArray, str]] = {}
-        for name in self.joint_names:
-            columns[name] = table[name], 'rad'
+        columns = {name: (table[name], 'rad') for name in self.joint_names}
         columns['alpha'] = triangle_angle(z, geometry.rocker, geometry.coupler), 'rad'
         columns['beta'] = np.arctan2(y, -x) % TURN, 'rad'
         columns['z'] = z, geometry.unit
         columns['transmission_angle'] = triangle_angle(geometry.coupler, geometry.rocker, z), 'rad'
-        advantage = self._advantage(table.theta2, table.theta3, table.theta4)
-        columns['mechanical_advantage'] = advantage, '1'
+        angles = table.theta2, table.theta3, table.theta4
+        columns['mechanical_advantage'] = self._advantage(*angles), '1'
         if crank_rate is not None:
-            for (name, numbers), unit in zip(table.columns.items(), table.units, strict=True):
-                columns.setdefault(name, (numbers, unit))
+            others = zip(table.columns.values(), table.units, strict=True)
+            columns |= dict(zip(table.columns, others, strict=True))
         return table_of(columns)
 
     def transmission_angle(self, theta2: float) -> float:

@@ -281,19 +281,17 @@ class Leg(Generic[PoseT, MotionT]):
         Parameters
         ----------
         alphas : array-like of real numbers
-            Crank angles, of any shape; of a linkage that is back after several turns path angles
-            [rad].
+            Crank angles of any shape, or path angles [rad].
         crank_rate : float, optional
-            Constant rate of the crank, for rates, accelerations and advantages [rad/s].
+            Constant rate of the crank, for the quantities with rates [rad/s].
 
         Returns
         -------
         LegTable
-            Arrays of that shape, NaN where the crank cannot be: by the names of its bodies all
-            coordinates (`gamma`), of all moving points `H.x` and `H.y`, with a crank rate of each
-            the `gamma_rate` and `gamma_acceleration`, the transmission angles `mu_1`, ..., and the
-            mechanical advantage `gamma_advantage` = T_gamma / T_crank = crank rate / gamma rate,
-            inf where gamma turns back; of what slides its force by the crank's torque.
+            Coordinates by the bodies' names (`gamma`), moving points (`H.x`), transmission angles
+            (`mu_1`); with a crank rate `gamma_rate`, `H.x_acceleration`, ..., and mechanical
+            advantages (`gamma_advantage`), T / T_crank or F / T_crank: the crank's rate over the
+            body's, inf where that is 0.
 
         Raises
         ------

@@ -40,8 +40,6 @@ QUANTITY = _scripts(_STATIC_FILES, 'units')
 """The reader of numbers with units, by the table of units that the page has."""
 
 COMMENT = re.compile(r'^ *#.*\n| +#.*$', re.MULTILINE)
-# The bars of a body that has nothing else.
-BARS = re.compile(r'^(  \w+:)\n    bars:\n((?:      - .*\n)+)(?=  ?\w|\Z)', re.MULTILINE)
 LAB_PARTS = Parts(
     is_compact=True,
     styles=(*FRAME, SHARED / 'drawing.css', SHARED / 'tables.css', _STATIC_FILES / 'lab.css'),
@@ -72,7 +70,7 @@ def lab_page(exercises: Mapping[str, Any]) -> str:
     style = compact(text(_STATIC_FILES / 'practice.css'))
     practice = {'data': exercises, 'script': script, 'style': style}
     files = {name: text(Path(str(SHIPPED), f'{name}.yaml')) for name in shipped_linkages()}
-    shipped = {name: BARS.sub(_flow, COMMENT.sub('', file)) for name, file in files.items()}
+    shipped = {name: COMMENT.sub('', file) for name, file in files.items()}
     template = re.sub(r'^ +', '', text(_STATIC_FILES / 'lab.html'), flags=re.MULTILINE)
     return Template(template).substitute(
         policy=LAB_PARTS.policy([script], [style]),
@@ -83,12 +81,6 @@ def lab_page(exercises: Mapping[str, Any]) -> str:
         packed=element('script', Markup(_deflated(practice)), id='packed', type='text/plain'),
         scripts=LAB_PARTS.script_elements(),
     )
-
-
-def _flow(match: re.Match[str]) -> str:
-    """Return a body with its bars in one line."""
-    bars = ', '.join(line[8:] for line in match[2].splitlines())
-    return f'{match[1]} {{bars: [{bars}]}}\n'
 
 
 def _deflated(content: object) -> str:

@@ -84,14 +84,14 @@ def test_a_turn_in_the_lab_is_the_table_of_python(turns: Any, name: str) -> None
     is_transmission = np.array([column.startswith('mu_') for column in head])
     is_angle = units == 'deg]'
     lengths = [1000.0 * linkage.size if 'mm' in unit else 1.0 for unit in units]
-    sizes = np.abs(ours)
+    sizes = np.nan_to_num(np.abs(ours))
     for unit in {*units.tolist()}:
         # What is small by cancellation is compared with the largest of its unit.
-        sizes[:, units == unit] = np.nanmax(sizes[:, units == unit], axis=1, keepdims=True)
+        sizes[:, units == unit] = sizes[:, units == unit].max(axis=1, keepdims=True)
     sizes += np.array(lengths) * abs(RATE) ** orders
     sines = np.abs(np.sin(np.radians(ours[:, is_transmission]))).min(axis=1)
     # Near a singular pose rounding grows as its derivatives do, and with an interpolation.
-    near = NEAR / np.minimum(1.0, 5.0 * sines)[:, None] ** (1.0 + 1.5 * orders)
+    near = NEAR / np.clip(5.0 * sines, 1e-9, 1.0)[:, None] ** (1.0 + 1.5 * orders)
     for index, alpha in enumerate(alphas.tolist()):
         if linkage.interpolated(alpha) is not None:
             near[index] = NEAR * 500.0**orders
