@@ -44,14 +44,8 @@ DARK_FIGURES = r"""@media screen { body[data-theme='dark'] .interactive \1 }
 PLANS = yaml.safe_load(text(INTERACTIVE / 'figures.yaml'))
 FIGURE_IMAGE = re.compile(rf'<img [^>]*/({"|".join(PLANS)})\.png"')
 
-# Pages in Portuguese, and the English pages that say the same.
-PORTUGUESE = {
-    'docs/cursos': 'docs/courses',
-    'docs/exemplos': 'docs/examples',
-    'docs/python_pt': 'docs/python',
-    'docs/teoria': 'docs/theory',
-}
-ENGLISH = {english: portuguese for portuguese, english in PORTUGUESE.items()}
+# A page in Portuguese links to the English page that says the same.
+ENGLISH_LINK = re.compile(r'In English:\s+\[[^\]]*\]\((\w+)\.md\)')
 
 # What a page may load: files of the site.
 POLICY = (
@@ -62,6 +56,20 @@ SPACED_FUNCTION = re.compile(r'(<mo>&ApplyFunction;</mo>)(?=\s*<m(?:i|n|sub|sup|
 DESCRIPTION = 'Leg linkages: kinematics, a lab in the browser, simulation and ROS 2 nodes'
 PICTURE = 'klann_ros.png'
 START = 'start.html'
+
+
+def english_pages() -> dict[str, str]:
+    """Return the English page of each page in Portuguese."""
+    pages = {}
+    for path in INTERACTIVE.parent.glob('*.md'):
+        link = ENGLISH_LINK.search(text(path))
+        if link:
+            pages[f'docs/{path.stem}'] = f'docs/{link[1]}'
+    return pages
+
+
+PORTUGUESE = english_pages()
+ENGLISH = {english: portuguese for portuguese, english in PORTUGUESE.items()}
 
 
 class LabLink(Transform):

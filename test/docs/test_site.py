@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LEG = KlannLeg()
 # The pages with figures; the check `docs` builds all.
 SOURCES = ('index', 'theory', 'teoria', 'examples', 'exemplos', 'lab')
-FIGURES = {'theory': 12, 'teoria': 12, 'examples': 5, 'exemplos': 5}
+FIGURES = {'theory': 12, 'teoria': 12, 'examples': 5, 'exemplos': 5, '../index': 1}
 SCROLL = """async () => {
     for (let top = 0; top < document.documentElement.scrollHeight; top += 400) {
         scrollTo({ top, behavior: 'instant' });
@@ -98,6 +98,7 @@ def visit(browser: Any, address: str) -> Iterator[Visit]:
         ('teoria', 'dark', 390),
         ('examples', 'dark', 1280),
         ('exemplos', 'light', 390),
+        ('../index', 'light', 390),
     ],
 )
 def test_a_page_needs_nothing_from_outside_and_has_no_barrier(
@@ -108,8 +109,12 @@ def test_a_page_needs_nothing_from_outside_and_has_no_barrier(
     assert [url for url in opened.requests if not url.startswith((address, 'data:'))] == []
     assert opened.complaints == []
     assert not opened.is_too_wide()
+    is_portuguese = name in {'teoria', 'exemplos'}
     language = opened.page.evaluate('document.documentElement.lang')
-    assert language == ('en' if name in {'theory', 'examples'} else 'pt-BR')
+    assert language == ('pt-BR' if is_portuguese else 'en')
+    if not name.endswith('index'):
+        translation = opened.page.locator('.translation a')
+        assert translation.text_content() == ('English' if is_portuguese else 'Português')
     assert opened.barriers(READABLE) == []
 
 
