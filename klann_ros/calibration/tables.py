@@ -171,7 +171,8 @@ def _columns(path: str, leg: RobotLeg) -> list[Column]:
     table = np.array(rows, dtype=np.float64)
     if {name.lower() for name in names[1:]} == {'x', 'y'}:
         table = _beside(path, np.split(table, [*tracks][1:]))
-        names = [names[0], *(f'{track}.{axis}' for track in tracks.values() for axis in names[1:])]
+        axes = [f'{track}.{axis}' for track in tracks.values() for axis in names[1:]]
+        names = [names[0], *(axis.removeprefix('.') for axis in axes)]
     columns = []
     for n, numbers in enumerate(table.T):
         role, unit = _role(names[n], leg)
@@ -200,14 +201,16 @@ def _rows(path: str) -> _Rows:
         if is_header and not rows.numbers and len(header) < MAX_HEADER_LINES:
             header.append(cells)
             continue
-        problem = 'it begins with a word' if is_header else _row_problem(row, rows.numbers[:1])
+        first_row = rows.numbers[0] if rows.numbers else row
+        problem = 'it begins with a word' if is_header else _row_problem(row, first_row)
         if problem:
             place = f'{printable(path)}, line {n + 1}'
             raise MeasurementError(f'{place} is no table of numbers: {problem}')
         if not rows.numbers:
             rows.names.extend(_header_names(header, comments, len(row)))
         if not rows.numbers or (row[0] or 0.0) < (rows.numbers[-1][0] or 0.0):
-            rows.tracks[len(rows.numbers)] = ' '.join(comments[-1]) if comments else ''
+            has_name = comments and not header and comments[-1] != rows.names
+            rows.tracks[len(rows.numbers)] = ' '.join(comments[-1]) if has_name else ''
         rows.numbers.append(row)
     if not rows.numbers:
         raise MeasurementError(f'{printable(path)} has no column time: it has no numbers')
@@ -225,16 +228,14 @@ def _number(cell: str) -> float | None:
     return 3600.0 * int(hours) + 60.0 * int(minutes) + float(f'{seconds}.{decimals}')
 
 
-def _row_problem(row: Sequence[float | None], first_rows: Sequence[Sequence[float | None]]) -> str:
+def _row_problem(row: Sequence[float | None], first_row: Sequence[float | None]) -> str:
     """Return why a row is none of the table of the first one; '' if it is one."""
-    for first_row in first_rows:
-        if len(row) != len(first_row):
-            return f'{len(row)} cells for {len(first_row)} columns'
-        for n, (number, first_number) in enumerate(zip(row, first_row, strict=True), start=1):
-            if number is None and first_number is not None:
-                return f'column {n} has a word'
-            if number is not None and first_number is None and not np.isnan(number):
-                return f'column {n} has a number below a word'
+    if len(row) != len(first_row):
+        return f'{len(row)} cells for {len(first_row)} columns'
+    for n, (number, first_number) in enumerate(zip(row, first_row, strict=True), start=1):
+        # A cell without anything (NaN) may be in any column.
+        if number == number and (number is None) != (first_number is None):  # noqa: PLR0124
+            return f'column {n} has words and numbers'
     return ''
 
 
@@ -264,7 +265,10 @@ def _header_names(
 ) -> list[str]:
     """Return the names of columns; of two lines the first has points over their x and y."""
     if not header:
-        return next((cells for cells in reversed(comments) if len(cells) == count), [''] * count)
+        # A note may have as many words as the table has columns.
+        likely = [cells for cells in comments if len(cells) == count]
+        likely.sort(key=lambda cells: cells[0].lower() in (*ROLES['time'], *ROLES['frame']))
+        return likely[-1] if likely else [''] * count
     names = [*header[-1], *[''] * count][:count]
     point = ''
     for n, cell in enumerate(header[0][:count] if len(header) > 1 else ()):

@@ -105,6 +105,8 @@ def load(tmp_path: Path, content: str, options: TableOptions) -> list[MeasuredSe
                                 enumerate(NAMES) if name != 'time'}})),
         (lambda: 'header.stamp.sec,header.stamp.nanosec,header.frame_id,crank,H.x,H.y,G.x,G.y\n'
          + stamped(), TableOptions()),
+        (lambda: '# my left foot and knee here\n' + text(columns(), '# ' + ' '.join(NAMES), ' ')
+         + '\n# one two three four five six', TableOptions()),
         (lambda: text(in_units(crank=DEGREES)), TableOptions(angle_unit='deg')),
         (lambda: text(in_units(crank=DEGREES)), TableOptions()),
         (lambda: text(frames(), 'frame,alpha,H.x,H.y,G.x,G.y'), TableOptions(rate=20.0)),
@@ -124,6 +126,22 @@ def test_a_table_has_the_same_numbers_however_it_is_written(
         np.testing.assert_allclose(series.times, ROBOT.times, atol=1e-8)
         np.testing.assert_allclose(series.values, ROBOT.seen(name), atol=1e-8)
         np.testing.assert_allclose(series.crank, ROBOT.crank, atol=1e-6)
+
+
+@pytest.mark.parametrize('header', ['t,x,y', '# t,x,y', '# note\nt,x,y', '# my,own,note\n# t,x,y'])
+def test_a_point_without_a_name_is_named_by_its_columns(tmp_path: Path, header: str) -> None:
+    file = tmp_path / 'pin.csv'
+    file.write_text(text(pin_table()[:, :3], header))
+    options = TableOptions({'B.x': 'x', 'B.y': 'y'})
+    (series,) = load_table(str(file), LEG, (), options).measured
+    np.testing.assert_allclose(series.values, ROBOT.seen('B'), atol=1e-8)
+
+
+def test_tracks_without_names_are_told_by_number(tmp_path: Path) -> None:
+    content = kinovea(time_codes(), 'B', 'H').replace('# B\n', '').replace('# H\n', '')
+    numbers = {'B.x': '2', 'B.y': '3', 'H.x': '4', 'H.y': '5'}
+    for series in load(tmp_path, content, TableOptions(numbers)):
+        np.testing.assert_allclose(series.values, ROBOT.seen(series.name), atol=1e-8)
 
 
 def test_degrees_that_are_found_are_reported(tmp_path: Path, capsys: Capture) -> None:
@@ -173,7 +191,7 @@ def test_a_tracked_pin_is_the_crank(tmp_path: Path, capsys: Capture, content: st
         # 1.234, or one thousand?
         (lambda: text(columns()) + '\n"1,234",2,3,4,5,6', '', 'is no table of numbers'),
         (lambda: text(columns()) + '\nend,2,3,4,5,6', '', 'line 122 is no table of numbers'),
-        (lambda: stamped() + '\n9,5,7,0.1,2,3,4,5', '', 'column 3 has a number below a word'),
+        (lambda: stamped() + '\n9,5,7,0.1,2,3,4,5', '', 'column 3 has words and numbers'),
         (
             lambda: kinovea(time_codes(), 'B') + kinovea([*time_codes()[1:], '0:01:00:00'], 'H'),
             '',
