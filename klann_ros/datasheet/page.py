@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,8 @@ PAGE_PARTS = Parts(
     # A script may use those before it.
     scripts=(SHARED / 'theme.js', SHARED / 'drawing.js', _STATIC_FILES / 'sheet.js'),
 )
+# Part of a curve that is drawn where it grows without bound, relative to its median.
+MAX_PEAK = 10.0
 # Poses of the animation over a turn.
 POSES = 360
 
@@ -178,10 +181,12 @@ def _leg_charts(leg: LegSheet) -> Iterator[Chart]:
         limits = [('40 and 140 deg', 40.0), ('', 140.0)]
         yield Chart('Transmission angles', 'deg', leg.alphas, lines, text, spans, limits)
     for name, forces in cases(leg)[-1:]:
-        lines = [
-            ChartLine(joint.name, joint.force, index, is_dashed=index % 2 > 0)
-            for index, joint in enumerate(forces.joints)
-        ]
+        lines = []
+        for index, joint in enumerate(forces.joints):
+            heights = joint.force
+            if joint.greatest.value == inf:
+                heights = np.where(heights > MAX_PEAK * np.nanmedian(heights), np.nan, heights)
+            lines.append(ChartLine(joint.name, heights, index, is_dashed=index % 2 > 0))
         text = f'The magnitude of the force in each joint, {name}.'
         yield Chart('Joint reactions', 'N', leg.alphas, lines, text, spans)
 

@@ -10,7 +10,7 @@ from change_point_linkages import change_point_file, FEET
 from klann_ros.datasheet import data_sheet, DataSheet, Motor, SheetError
 from klann_ros.datasheet.figures import joint_force_table
 from klann_ros.datasheet.json_report import report
-from klann_ros.datasheet.page import page
+from klann_ros.datasheet.page import _leg_charts, page
 from klann_ros.datasheet.sheet import cases
 from klann_ros.gait import walk_figures
 from klann_ros.kinematics import foot_path, KlannGeometry, KlannLeg, length_margins, linkage_poses
@@ -91,6 +91,10 @@ def test_forces_that_grow_without_bound_are_no_number(name: str, unbounded: str)
     infinite = {joint.name for joint in leg.empty.joints if joint.greatest.value == inf}
     assert infinite == {*unbounded}
     assert ('without bound' in joint_force_table(leg).note) == bool(unbounded)
+    # Their curves are drawn where they can be read.
+    chart = [*_leg_charts(leg)][-1]
+    for line in chart.lines:
+        assert np.nanmax(line.heights) <= 30.0 * np.nanmedian(line.heights)
 
 
 def test_the_motion_is_that_of_the_kinematics(sheet: DataSheet) -> None:
