@@ -7,7 +7,6 @@ step, `:=` of a result, which are traced by working the formulas with symbols fo
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
-from itertools import repeat
 import re
 from typing import Any
 
@@ -79,8 +78,6 @@ class Trace(Calculation):
     def __init__(self) -> None:
         super().__init__({})
         self.rows: list[Any] = []
-        # The numbers that each number is computed from.
-        self.sources: dict[str, set[str]] = {}
         self.half_turn = Symbol('half_turn')
         for name in ('sqrt', 'hypot', 'cos', 'sin', 'acos', 'atan2', 'wrapped', 'sign'):
             setattr(self, name, partial(_called, name))
@@ -113,17 +110,8 @@ class Trace(Calculation):
         return self._record(symbol_and_unit, '=', value, f' | {formula}')
 
     def _record(self, names: str, becomes: str, value: Any, formula: str = '') -> Symbol:
-        symbol = names.split(maxsplit=1)[0]
-        expression = _operand(value, CHOICE)
-        self.rows.append(f'{names} {becomes} {expression}{formula}')
-        self._note_series([symbol], NAME.findall(expression))
-        return Symbol(symbol)
-
-    def _note_series(self, symbols: Sequence[str], names: Sequence[str]) -> None:
-        """Note the sources of numbers that are computed one after the other."""
-        for symbol in symbols:
-            self.sources[symbol] = {*names}.union(*map(self.sources.get, names, repeat(())))
-            names = [*names, symbol]
+        self.rows.append(f'{names} {becomes} {_operand(value, CHOICE)}{formula}')
+        return Symbol(names.split(maxsplit=1)[0])
 
     def solve(
         self,
@@ -138,17 +126,10 @@ class Trace(Calculation):
         gives = f'{symbols_and_unit} {":=" if is_result else "="} {formula}'
         system = {'solve': list(map(_list, phi)), 'right': _list(right), 'gives': gives}
         self.rows.append(system)
-        names = NAME.findall(f'{system["solve"]} {system["right"]}')
-        self._note_series(symbols_and_unit.split()[:-1], names)
 
     def newton(self, system: Any) -> None:
         """Record the name of a system to be iterated."""
         self.rows.append({'newton': _name_of(system, SYSTEMS)})
-        numbers = range(1, len(system.unknowns) + 1)
-        names = [f'f_{k}' for k in numbers]
-        names += [f'Phi_{row}{column}' for row in numbers for column in numbers]
-        iterates = [f'{name}_2' for name in system.unknowns]
-        self._note_series([*iterates, *system.unknowns, 'iterations'], names)
 
     def sweep(self, formula: Formula, extremes: Mapping[str, str]) -> None:
         """Record the name of formulas to be worked over a turn."""
@@ -166,14 +147,30 @@ def _name_of(value: Any, names: Mapping[str, Any]) -> str:
 @cache
 def sources(name: str) -> dict[str, list[str]]:
     """Return for each question of an exercise those that its answer is computed from."""
-    trace = Trace()
-    FORMULAS[name](trace)
-    questions = dict.fromkeys(NAME.findall(data()['kinds'][name]['asked']))
-    sources_of = {}
-    for question in questions:
-        names = trace.sources.get(question, set())
-        sources_of[question] = [source for source in questions if source in names]
-    return sources_of
+    questions = [
+        q for group in data()['kinds'][name]['asked'].split(', ') for q in group.split()[1:]
+    ]
+    names_of: dict[str, set[str]] = {}
+    for row in _rows(FORMULAS[name]):
+        symbols: list[str] = []
+        names: list[str] = []
+        if isinstance(row, str) and not row.startswith('require'):
+            symbol_and_unit, expression = re.split(' :?= ', row.partition(' | ')[0], maxsplit=1)
+            symbols = symbol_and_unit.split()[:1]
+            names = NAME.findall(expression)
+        elif 'solve' in row:
+            symbols = re.split(' :?= ', row['gives'])[0].split()[:-1]
+            names = NAME.findall(f'{row["solve"]} {row["right"]}')
+        elif 'newton' in row:
+            # The second iterates come from f and Phi of the guess, the root from all of them.
+            unknowns = SYSTEMS[row['newton']].unknowns
+            symbols = [*(f'{unknown}_2' for unknown in unknowns), *unknowns, 'iterations']
+            names = [question for question in questions if question not in symbols]
+        # The unknowns of a system are computed one after the other.
+        for symbol in symbols:
+            names_of[symbol] = {*names}.union(*(names_of.get(name, ()) for name in names))
+            names = [*names, symbol]
+    return {q: [name for name in questions if name in names_of.get(q, ())] for q in questions}
 
 
 def _rows(formula: Formula) -> list[Any]:

@@ -86,10 +86,6 @@ def _plain(text: str) -> str:
     return ' '.join(re.sub("[^a-z0-9']+", ' ', folded(text)).replace("'", '').split())
 
 
-def _is_nan(answer: Answer) -> bool:
-    return isinstance(answer, float) and isnan(answer)
-
-
 def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
     """
     Return the marks of a student's answers, in the order of the questions.
@@ -111,45 +107,39 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
     fitting: dict[str, dict[str, int]] = {}
     for question in questions:
         answer = readings[question.name]
-        if answer is None or _is_nan(answer) or variant.is_right(question, answer):
-            continue
-        fitting[question.name] = _fitting(variant, question, answer)
+        if answer is not None and not variant.is_right(question, answer):
+            fitting[question.name] = _fitting(variant, question, answer)
     # A word is easily a mistake's by chance.
-    of_numbers = [fitting[name] for name in fitting if isinstance(readings[name], float)]
-    weights = Counter(mistake for mistakes in of_numbers for mistake in mistakes)
-    proven = {mistake for mistake in weights if _is_proven(variant, mistake, weights, readings)}
+    numbers = {name for name in readings if isinstance(readings[name], float)}
+    weights = Counter(mistake for name in numbers & {*fitting} for mistake in fitting[name])
+    proven = set()
+    for mistake, weight in weights.items():
+        changed = numbers & {*variant.mistaken[mistake]}
+        if weight >= 2 and 2 * weight > len(changed):
+            proven.add(mistake)
     marks: list[Mark] = []
     for question in questions:
         text = answers.get(question.name, '').strip()
         answer = readings[question.name]
-        slip = RIGHT
+        slip, points = RIGHT, 1.0
         if answer is None:
-            slip = UNREADABLE if text else EMPTY
-        elif _is_nan(answer):
-            slip = DIMENSION
-        points = credit_of(slip)
-        if answer is not None and question.name in fitting:
-            distances = fitting[question.name]
+            slip, points = UNREADABLE if text else EMPTY, 0.0
+        elif question.name in fitting:
             # The first of equal ones, in the order of the mistakes.
             ranks = {
                 mistake: (mistake not in proven, -weights[mistake], distance)
-                for mistake, distance in distances.items()
+                for mistake, distance in fitting[question.name].items()
             }
             mistake = min(ranks, key=lambda mistake: ranks[mistake], default=WRONG)
             slip, points = explain(variant, question, answer, mistake, mistake in proven)
         marks.append(Mark(question.name, text, points, slip))
-    return [_followed(mark, marks, sources(variant.kind.name)) for mark in marks]
-
-
-def _is_proven(
-    variant: Variant,
-    mistake: str,
-    weights: Mapping[str, int],
-    readings: Mapping[str, Answer | None],
-) -> bool:
-    """Return whether a mistake explains two numbers, and most of those that it changes."""
-    changed = [name for name in variant.mistaken[mistake] if isinstance(readings[name], float)]
-    return weights[mistake] >= 2 and 2 * weights[mistake] > len(changed)
+    for place, answer_mark in enumerate(marks):
+        names = sources(variant.kind.name)[answer_mark.question]
+        slips = {source.slip for source in marks if source.question in names}
+        if 0.0 < answer_mark.points < 1.0 and answer_mark.slip in slips:
+            points = max(answer_mark.points, credit_of('carried'))
+            marks[place] = answer_mark._replace(points=points, carried=True)
+    return marks
 
 
 def explain(
@@ -159,6 +149,8 @@ def explain(
     right = variant.answers[question.name]
     size = 0.0 if isinstance(right, str) else abs(right)
     gap = difference(question, answer, right)
+    if isnan(gap):
+        return DIMENSION, 0.0
     slip = slip_of(mistake)
     is_rounded = False
     if question.unit != 'count' and gap <= MAX_ROUNDING * size:
@@ -169,16 +161,6 @@ def explain(
         slip = ROUNDING
     is_explained = is_proven or is_rounded or (size and gap >= CLOSE * size)
     return slip, credit_of(slip) if is_explained else 0.0
-
-
-def _followed(mark: Mark, marks: Sequence[Mark], sources_of: Mapping[str, Sequence[str]]) -> Mark:
-    """Return a mark, as a consequence where the slip is that of an answer it is computed from."""
-    slips = {
-        earlier.slip for earlier in marks if earlier.question in sources_of.get(mark.question, ())
-    }
-    if not mark.points or mark.slip == RIGHT or mark.slip not in slips:
-        return mark
-    return mark._replace(points=max(mark.points, credit_of('carried')), carried=True)
 
 
 def _fitting(variant: Variant, question: Question, answer: Answer) -> dict[str, int]:

@@ -2,28 +2,20 @@
 /* Quantities as people write them: klann_ros/sanitize/quantity.py; a table is units.yaml. */
 
 const MAX_QUANTITY = 64;
-const QUANTITY =
-  /^([+-]?) ?((?:\d(?:[\d.,]| (?=\d{3}(?!\d)))*|[.,]\d+)) ?(?:\/ ?(\d+) ?)?(?:(?:e|[x*·×] ?10 ?(?:\^|\*\*)?) ?\(?([+-]?\d{1,3})\)?)? ?(.*)$/i;
-const GROUPED = /^([1-9]\d{0,2}([ .,])\d{3}(?:\2\d{3})*)(?:(?!\2)([.,]\d*))?$/;
-const SEXAGESIMAL = /(\d+) ?[°º˚] ?([0-5]?\d(?:[.,]\d+)?) ?'(?: ?([0-5]?\d(?:[.,]\d+)?) ?")?/g;
-const UNIT_FACTOR =
-  / ?(?:([*·⋅×./-]) ?)?(\(*) ?(?:([A-Za-zµμ]+)(?:(?: ?(?:\^|\*\*) ?)?(\([+-]?\d\)|[+-]?\d))?|([°º˚'"π])) ?(\)*)/y;
-const EXPONENTS = '⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻';
 
 /**
  * Return the number of a text in a unit, by the table of units; null where it is none, NaN where
  * its own unit is of another dimension.
  */
-function readQuantity(table, text, unit = '') {
-  const plain = text.length <= 4 * MAX_QUANTITY ? tidyText(text) : '';
-  if ([...plain].length > MAX_QUANTITY) return null;
-  const found = plain
-    .replace(/^[^=≈≅~<>]*[=≈≅~] ?/, '')
-    .replace(SEXAGESIMAL, inDegrees)
-    .match(QUANTITY);
-  if (!found) return null;
+function readQuantity(table, text, unit) {
+  const { quantity, arc, grouped } = table.patterns;
+  const plain = text.length <= 4 * MAX_QUANTITY ? tidyText(table, text) : '';
+  const found = wholeMatch(quantity, plain.replace(new RegExp(arc, 'g'), inDegrees));
+  if ([...plain].length > MAX_QUANTITY || !found) return null;
   const [, sign, number, denominator = 1, exponent = 0, name] = found;
-  const value = Number(`${sign}${decimal(number)}e${exponent}`) / denominator;
+  const [, whole, , part = ''] = wholeMatch(grouped, number) ?? [];
+  const digits = whole ? whole.replace(/[., ]/g, '') + part : number;
+  const value = Number(`${sign}${digits.replaceAll(',', '.')}e${exponent}`) / denominator;
   const factor = name ? conversionFactor(table, name, unit) : 1;
   const isNumber = factor !== null && Number.isFinite(value);
   return isNumber && Math.abs(value * factor) !== Infinity ? value * factor : null;
@@ -33,13 +25,11 @@ function readQuantity(table, text, unit = '') {
 function conversionFactor(table, name, unit) {
   table.exact ??= unitsOfTable(table);
   table.folded ??= new Map([...table.exact].map(([key, size]) => [foldedText(key), size]));
-  const asked = readUnit(table, table.exact, unit === '1' ? '' : tidyText(unit));
-  const plain = tidyText(name).replace(/^1 ?(?=\/)|(?<=[A-Za-z])\.$/g, '');
-  let folded = foldedText(plain);
-  for (const [word, sign] of Object.entries(table.words)) folded = folded.replaceAll(word, sign);
+  const asked = readUnit(table, table.exact, tidyText(table, unit));
+  const plain = tidyText(table, name);
   const readings = [
     readUnit(table, table.exact, plain),
-    readUnit(table, table.folded, folded),
+    readUnit(table, table.folded, replaced(foldedText(plain), table.words)),
   ].filter(Boolean);
   const fitting = readings.find(({ dimension }) => dimension === asked?.dimension);
   if (fitting) return fitting.size / asked.size;
@@ -47,23 +37,27 @@ function conversionFactor(table, name, unit) {
 }
 
 /** Return a text with plain signs and spaces, and powers after carets. */
-function tidyText(text) {
-  return text
-    .replace(/[\u00ad\u200b-\u200f\u2060\ufeff]/g, '')
-    .replace(/[−–]/g, '-')
-    .replace(/[’′]/g, "'")
-    .replace(/[”″]|''/g, '"')
-    .replace(
-      /[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+/g,
-      (power) => `^${Array.from(power, (c) => '0123456789+-'[EXPONENTS.indexOf(c)]).join('')}`,
-    )
-    .replace(/[\s\x1c-\x1f\x85]+/g, ' ')
-    .trim();
+function tidyText(table, text) {
+  return replaced(text, table.tidy).trim();
 }
 
 /** Return a text without accents, in small letters. */
 function foldedText(text) {
-  return text.toLowerCase().normalize('NFD').replace(/\p{M}/gu, '');
+  return text
+    .toLowerCase()
+    .normalize('NFD')
+    .replace(/[\u0300-\u036f]/g, '');
+}
+
+function replaced(text, replacements) {
+  return Object.entries(replacements).reduce(
+    (plain, [pattern, replacement]) => plain.replace(new RegExp(pattern, 'g'), replacement),
+    text,
+  );
+}
+
+function wholeMatch(pattern, text) {
+  return text.match(new RegExp(`^(?:${pattern})$`));
 }
 
 function unitsOfTable(table) {
@@ -84,9 +78,9 @@ function readUnit(table, units, text) {
   let dimension = 0;
   // Of the product, and of each open parenthesis.
   const signs = [1];
-  UNIT_FACTOR.lastIndex = 0;
-  while (UNIT_FACTOR.lastIndex < text.length) {
-    const found = UNIT_FACTOR.exec(text);
+  const pattern = new RegExp(table.patterns.factor, 'y');
+  while (pattern.lastIndex < text.length) {
+    const found = pattern.exec(text);
     if (!found) return null;
     const [, operator, opened, name, power = '1', symbol, closed] = found;
     const unit = unitOf(table, units, name ?? symbol);
@@ -114,11 +108,4 @@ function unitOf({ prefixes }, units, name) {
 function inDegrees(_, ...found) {
   const parts = found.slice(0, 3).map((part = '0') => Number(part.replace(',', '.')));
   return `${parts[0] + parts[1] / 60 + parts[2] / 3600} deg`;
-}
-
-/** Return a number with a decimal point and without the separators of thousands. */
-function decimal(number) {
-  if (!/[., ].*[., ]| /.test(number)) return number.replace(',', '.');
-  const [, whole = 'x', , part = ''] = number.match(GROUPED) ?? [];
-  return whole.replace(/[., ]/g, '') + part.replace(',', '.');
 }
