@@ -7,6 +7,7 @@ from pathlib import Path
 import re
 import runpy
 
+from klann_ros.exercises.variant import texts
 import pytest
 
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
@@ -81,3 +82,14 @@ def test_both_languages_of_a_page_have_the_same(
     there = Counter(extract(english, 'en'))
     here = Counter(extract(portuguese, 'pt'))
     assert there - here == here - there == Counter()
+
+
+@pytest.mark.parametrize(('language', 'name'), [('en', 'lab'), ('pt', 'laboratorio')])
+def test_the_labels_of_the_lab_are_those_of_its_page(language: str, name: str) -> None:
+    script = (DOCS.parent / 'klann_ros/web/lab/static/texts.js').read_text('utf-8')
+    blocks = dict(re.findall(r'(?ms)^  (en|pt): \{\n(.*?)^  \},', script))
+    shown = blocks[language] + str([words[language] for words in texts()['practice'].values()])
+    page = re.sub(r'(?ms)^```.*?^```', '', (DOCS / f'{name}.md').read_text('utf-8'))
+    labels = re.findall(r'(?<!\*)\*([^*`]+)\*', re.sub(r'\s+', ' ', page))
+    assert len(labels) > 10
+    assert [label for label in labels if label.removesuffix(' …') not in shown] == []
