@@ -52,7 +52,17 @@ POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; font-src 'self'; "
     "img-src 'self' data:; base-uri 'none'; form-action 'self'"
 )
-SPACED_FUNCTION = re.compile(r'(<mo>&ApplyFunction;</mo>)(?=\s*<m(?:i|n|sub|sup|frac|sqrt)\b)')
+THIN_SPACE = '<mspace width="0.17em"></mspace>'
+# Spaces that TeX has around a function, and operators that begin or end a group.
+MATHML_SPACING = (
+    (r'(<mo>&ApplyFunction;</mo>)(?=\s*<m(?:i|n|sub|sup|frac|sqrt)\b)', r'\1' + THIN_SPACE),
+    (r'(</m(?:i|n|sub|sup|subsup)>)(?=\s*<mi>\w+</mi>\s*<mo>&Apply)', r'\1' + THIN_SPACE),
+    (r'(<mo[^>]*>[(\[,=]</mo>\s*)<mo>([±\u2212+])</mo>', r'\1<mo form="prefix">\2</mo>'),
+    (
+        r'<mo[^>]*>\|</mo>(.*?)<mo[^>]*>\|</mo>',
+        r'<mo form="prefix" stretchy="false">|</mo>\1<mo form="postfix" stretchy="false">|</mo>',
+    ),
+)
 DESCRIPTION = 'Leg linkages: kinematics, a lab in the browser, simulation and ROS 2 nodes'
 PICTURE = 'klann_ros.png'
 START = 'start.html'
@@ -87,13 +97,18 @@ class LabLink(Transform):
                 node.replace_self(link)
 
 
+def formula_markup(formula: str, *, is_block: bool = False) -> str:
+    """Return a formula of TeX as MathML."""
+    markup = tex2mathml(formula, as_block=is_block)
+    for pattern, replacement in MATHML_SPACING:
+        markup = re.sub(pattern, replacement, markup, flags=re.DOTALL)
+    return f'<div class="math">{markup}</div>' if is_block else markup
+
+
 def show_formula(translator: Any, node: nodes.Element) -> None:
-    """Write a formula of a line or a paragraph as MathML."""
+    """Write a formula of a line or a paragraph."""
     is_block = isinstance(node, nodes.math_block)
-    formula = tex2mathml(node.astext(), as_block=is_block)
-    # As TeX has it, between a function and its argument without parentheses.
-    formula = SPACED_FUNCTION.sub(r'\1<mspace width="0.17em"></mspace>', formula)
-    translator.body.append(f'<div class="math">{formula}</div>' if is_block else formula)
+    translator.body.append(formula_markup(node.astext(), is_block=is_block))
     raise nodes.SkipNode
 
 

@@ -372,7 +372,7 @@ const LAYERS = {
         ? [...joints, half, C.times(0.5, C.add(joints[0], middle))]
         : [null, null, null, null];
       const sides = [
-        [0, -20],
+        [28, -6],
         [0, 22],
         [0, 18],
         [14, 0],

@@ -346,3 +346,20 @@ def test_a_build_names_broken_links_and_what_is_loaded_from_outside(
     assert [*site(folder).broken_links()] == ([fault] if fault else [])
     (folder / 'x.css').write_text('a { background: url("https://a.test/x.png") }')
     assert 'x.css loads https://a.test/x.png' in site(folder).broken_links()
+
+
+@pytest.mark.parametrize(
+    ('formula', 'markup'),
+    [
+        (r'd = |PQ|', 'd = <|> P Q </|>'),
+        (r'L_3 \cos\theta_4', 'L 3 _ cos \u2061 _ θ 4'),
+        (r'-(\pm\alpha + \beta)', '\u2212 ( <±> α + β )'),
+        (r'\sin(\gamma - 10^\circ)', 'sin \u2061 ( γ \u2212 10 ∘ )'),
+    ],
+)
+def test_formulas_have_the_spaces_of_tex(formula: str, markup: str) -> None:
+    made = runpy.run_path(str(ROOT / 'docs' / 'static_site.py'))['formula_markup'](formula)
+    made = made.replace('&ApplyFunction;', '\u2061').replace('<mspace width="0.17em">', ' _ ')
+    made = re.sub(r'<mo form="prefix"[^>]*>(.)</mo>', r' <\1> ', made)
+    made = re.sub(r'<mo form="postfix"[^>]*>(.)</mo>', r' </\1> ', made)
+    assert re.sub(r'</?m[^>]*>', ' ', made).split() == markup.split()
