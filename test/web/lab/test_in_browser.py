@@ -1036,6 +1036,10 @@ def test_it_prints_a_report_on_two_pages(visit) -> None:
         opened.page.wait_for_timeout(300)
         document = opened.page.pdf(prefer_css_page_size=True)
         assert len(re.findall(rb'/Type\s*/Page\b', document)) == 2, setup
+        opened.page.emulate_media(media='print')
+        heights = opened.page.evaluate("['curves', 'chart'].map((id) => byId(id).clientHeight)")
+        opened.page.emulate_media(media='null')
+        assert min(heights) > 100, (setup, heights)
 
 
 def test_phi_of_the_leg_is_as_wide_as_a_telephone(visit) -> None:
