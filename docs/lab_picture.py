@@ -12,7 +12,7 @@ from klann_ros.web.lab.build import LAB_FILE
 from playwright.sync_api import sync_playwright
 
 PICTURE = Path(__file__).resolve().parent / 'lab.png'
-SIZE = {'width': 1280, 'height': 1430}
+SIZE = {'width': 1280, 'height': 1500}
 # The lecture's guess, which leads to the assembly that is drawn, at another crank angle.
 STATE = 'lab.turnTo((100 * TAU) / 360); newton.run(); newton.draw(1)'
 

@@ -1034,6 +1034,10 @@ def test_it_prints_a_report_on_two_pages(visit) -> None:
         opened.page.evaluate(setup)
         opened.until('lab.turn?.linkage === lab.linkage')
         opened.page.wait_for_timeout(300)
+        opened.page.emulate_media(media='print')
+        for part in ('#scene', '#curves', '#chart', '#numbers', '#values-points'):
+            assert opened.page.locator(part).bounding_box()['height'] > 80, part
+        opened.page.emulate_media(media='null')
         document = opened.page.pdf(prefer_css_page_size=True)
         assert len(re.findall(rb'/Type\s*/Page\b', document)) == 2, setup
         opened.page.emulate_media(media='print')

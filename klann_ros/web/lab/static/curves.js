@@ -387,7 +387,7 @@ class CurvesPanel extends Curves {
 
   put(key) {
     byId('add-curve').value = '';
-    if (!key || this.keys.includes(key)) return;
+    if (!this.of(key) || this.keys.includes(key)) return;
     this.keys = [...this.keys, key].slice(-MAX_CURVES);
     this.legend();
     this.compute();

@@ -64,8 +64,18 @@ function quantitiesOf(linkage) {
 /** Return the state at a pose for a crank rate [rad/s]; null where the linkage does not close. */
 function stateOf(linkage, pose, rate) {
   if (pose.error) return null;
-  const motion = motionOf(linkage, pose);
-  return { pose, motion, advantages: advantagesOf(linkage, motion), rate };
+  // Many curves need no derivatives.
+  return {
+    pose,
+    rate,
+    get motion() {
+      this.moved ??= motionOf(linkage, pose);
+      return this.moved;
+    },
+    get advantages() {
+      return advantagesOf(linkage, this.motion);
+    },
+  };
 }
 
 /** Return the crank angles of a turn, or of all turns that the linkage takes, in such steps [deg]. */
