@@ -6,7 +6,7 @@ from math import hypot, isnan, sqrt
 import re
 from typing import NamedTuple
 
-from klann_ros.sanitize.quantity import folded, MAX_QUANTITY, read_quantity
+from klann_ros.sanitize.quantity import MAX_QUANTITY, read_quantity, tidy
 
 from .calculation import Answer, data, slip_of
 from .lab import sources
@@ -83,7 +83,7 @@ def _choice(text: str, question: Question) -> str | None:
 
 
 def _plain(text: str) -> str:
-    return ' '.join(re.sub("[^a-z0-9']+", ' ', folded(text)).replace("'", '').split())
+    return re.sub("[^a-z0-9']+", ' ', tidy(text)).replace("'", '').strip()
 
 
 def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:

@@ -47,26 +47,19 @@ def read_quantity(text: str, unit: str) -> float | None:
 def conversion_factor(name: str, unit: str) -> float | None:
     """Return the size of a unit in another one; None if unknown, NaN of another dimension."""
     asked = _read_unit(tidy(unit), _units())
-    plain = tidy(name)
-    factor = None
-    for reading in (
-        _read_unit(plain, _units()),
-        _read_unit(_replaced(folded(plain), 'words'), _folded_units()),
-    ):
-        if reading and asked and reading[1] == asked[1]:
-            return reading[0] / asked[0]
-        factor = nan if reading else factor
-    return factor
+    reading = _read_unit(tidy(name), _units())
+    if not reading or not asked:
+        return None
+    return reading[0] / asked[0] if reading[1] == asked[1] else nan
 
 
 def tidy(text: str) -> str:
-    """Return a text with plain signs and spaces, and powers after carets."""
-    return _replaced(text, 'tidy').strip()
-
-
-def folded(text: str) -> str:
-    """Return a text without accents, in small letters."""
-    return re.sub('[\u0300-\u036f]', '', unicodedata.normalize('NFD', text.lower()))
+    """Return a text in small letters, with plain signs and spaces, and powers after carets."""
+    # Mega, before its letter is small.
+    decomposed = unicodedata.normalize('NFD', re.sub('M(?=[NWJ])', 'mega', text).lower())
+    for pattern, replacement in unit_table()['tidy'].items():
+        decomposed = re.sub(pattern, replacement, decomposed)
+    return decomposed.strip()
 
 
 @cache
@@ -74,12 +67,6 @@ def unit_table() -> dict[str, Any]:
     """Return the content of units.yaml."""
     content: dict[str, Any] = parse_file(Path(__file__).with_name('units.yaml'))
     return content
-
-
-def _replaced(text: str, replacements: str) -> str:
-    for pattern, replacement in unit_table()[replacements].items():
-        text = re.sub(pattern, replacement, text)
-    return text
 
 
 @cache
@@ -93,11 +80,6 @@ def _units() -> dict[str, Unit]:
         size, dimension = _read_unit(name, units) or (nan, 0)
         units |= dict.fromkeys(names.split(), (float(factor) * size, dimension))
     return units
-
-
-@cache
-def _folded_units() -> dict[str, Unit]:
-    return {folded(name): unit for name, unit in _units().items()}
 
 
 def _read_unit(text: str, units: Mapping[str, Unit]) -> Unit | None:

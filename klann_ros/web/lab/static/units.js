@@ -23,37 +23,23 @@ function readQuantity(table, text, unit) {
 
 /** Return the size of a unit in another one; null if it is unknown, NaN of another dimension. */
 function conversionFactor(table, name, unit) {
-  table.exact ??= unitsOfTable(table);
-  table.folded ??= new Map([...table.exact].map(([key, size]) => [foldedText(key), size]));
-  const asked = readUnit(table, table.exact, tidyText(table, unit));
-  const plain = tidyText(table, name);
-  const readings = [
-    readUnit(table, table.exact, plain),
-    readUnit(table, table.folded, replaced(foldedText(plain), table.words)),
-  ].filter(Boolean);
-  const fitting = readings.find(({ dimension }) => dimension === asked?.dimension);
-  if (fitting) return fitting.size / asked.size;
-  return readings.length ? NaN : null;
+  table.sizes ??= unitsOfTable(table);
+  const asked = readUnit(table, table.sizes, tidyText(table, unit));
+  const reading = readUnit(table, table.sizes, tidyText(table, name));
+  if (!reading || !asked) return null;
+  return reading.dimension === asked.dimension ? reading.size / asked.size : NaN;
 }
 
-/** Return a text with plain signs and spaces, and powers after carets. */
-function tidyText(table, text) {
-  return replaced(text, table.tidy).trim();
-}
-
-/** Return a text without accents, in small letters. */
-function foldedText(text) {
-  return text
+/** Return a text in small letters, with plain signs and spaces, and powers after carets. */
+function tidyText({ tidy }, text) {
+  // Mega, before its letter is small.
+  const letters = text
+    .replace(/M(?=[NWJ])/g, 'mega')
     .toLowerCase()
-    .normalize('NFD')
-    .replace(/[\u0300-\u036f]/g, '');
-}
-
-function replaced(text, replacements) {
-  return Object.entries(replacements).reduce(
-    (plain, [pattern, replacement]) => plain.replace(new RegExp(pattern, 'g'), replacement),
-    text,
-  );
+    .normalize('NFD');
+  const replaced = (plain, [pattern, replacement]) =>
+    plain.replace(new RegExp(pattern, 'g'), replacement);
+  return Object.entries(tidy).reduce(replaced, letters).trim();
 }
 
 function wholeMatch(pattern, text) {

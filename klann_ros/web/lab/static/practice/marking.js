@@ -11,9 +11,9 @@ function readAnswer(data, text, question) {
 }
 
 /** Return the choice that a text names, with or without words that mean nothing beside it. */
-function choiceOf({ texts, marking }, text, { choices }) {
+function choiceOf({ texts, marking, unitTable }, text, { choices }) {
   const plain = (word) =>
-    foldedText(word)
+    tidyText(unitTable, word)
       .replace(/[^a-z0-9']+/g, ' ')
       .replace(/'/g, '')
       .trim();
