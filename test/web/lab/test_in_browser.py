@@ -895,6 +895,29 @@ def test_the_lectures_task_is_done_in_a_click(lab: Opened) -> None:
     assert lab.page.evaluate('curves.keys') == ['theta3']
 
 
+def test_a_curve_jumps_only_through_infinity(lab: Opened) -> None:
+    lab.page.locator('#linkage').select_option('galloway')
+    lab.until('lab.turn.linkage === lab.linkage && curves.curves?.[1].key === "coupler"')
+    (angles,) = lab.page.evaluate('curves.curves[1].pieces')
+    assert np.abs(np.diff(angles)).max() < 10.0
+    assert angles[-1] - angles[0] == pytest.approx(360.0)
+    for alpha in (0.2, 3.0, 6.0):
+        lab.page.evaluate(f'lab.turnTo({alpha})')
+        dot = lab.page.locator('#curves .curve-dot')
+        assert float(dot.get_attribute('r')) > 0
+    lab.page.locator('#linkage').select_option('klann')
+    lab.until('lab.turn.linkage === lab.linkage && curves.curves?.[1].key === "gamma"')
+    lab.page.locator('#add-curve').select_option('gamma_advantage')
+    # Gamma turns back twice in a turn.
+    lines = lab.page.locator('#curves .chart-line')
+    parts = [line.get_attribute('d').count('M') for line in lines.all()[:2]]
+    assert parts == [1, 3]
+    # An arc through 360 deg begins again at 0.
+    lab.page.evaluate('lab.setNumber(1, 0.33)')
+    lab.until('lab.turn.linkage === lab.linkage && !lab.turn.isTurn')
+    assert lines.first.get_attribute('d').count('M') == 2
+
+
 def test_curves_have_gaps_and_all_turns(lab: Opened) -> None:
     lab.page.locator('#linkage').select_option('chebyshev')
     lab.until('lab.turn.linkage === lab.linkage && curves.curves?.[0].pieces.length === 2')
@@ -1040,10 +1063,6 @@ def test_it_prints_a_report_on_two_pages(visit) -> None:
         opened.page.emulate_media(media='null')
         document = opened.page.pdf(prefer_css_page_size=True)
         assert len(re.findall(rb'/Type\s*/Page\b', document)) == 2, setup
-        opened.page.emulate_media(media='print')
-        heights = opened.page.evaluate("['curves', 'chart'].map((id) => byId(id).clientHeight)")
-        opened.page.emulate_media(media='null')
-        assert min(heights) > 100, (setup, heights)
 
 
 def test_phi_of_the_leg_is_as_wide_as_a_telephone(visit) -> None:
