@@ -866,7 +866,7 @@ def test_the_lectures_task_is_done_in_a_click(lab: Opened) -> None:
         ('four_bar', 'theta2', 'theta3', 'AB'),
     ):
         lab.page.locator('#linkage').select_option(name)
-        lab.until('lab.turn.linkage === lab.linkage && Boolean(curves.curves)')
+        lab.until('lab.turn?.linkage === lab.linkage && Boolean(curves.curves)')
         assert lab.text('#curve-legend').startswith(f'{key} ({bar}) = ')
         labels = lab.page.locator('#curves text').all_text_contents()
         assert {f'{across} [°]', f'{key} [°]'} <= {*labels}
@@ -920,7 +920,7 @@ def test_a_curve_jumps_only_through_infinity(lab: Opened) -> None:
 
 def test_curves_have_gaps_and_all_turns(lab: Opened) -> None:
     lab.page.locator('#linkage').select_option('chebyshev')
-    lab.until('lab.turn.linkage === lab.linkage && curves.curves?.[0].pieces.length === 2')
+    lab.until('lab.turn?.linkage === lab.linkage && curves.curves?.[0].pieces.length === 2')
     assert lab.page.locator('#curves .chart-line').first.get_attribute('d').count('M') == 2
     widths = lab.page.locator('#curves .chart-dead').evaluate_all(
         '(nodes) => nodes.map((node) => Number(node.getAttribute("width"))).filter(Boolean)'
@@ -930,7 +930,7 @@ def test_curves_have_gaps_and_all_turns(lab: Opened) -> None:
     reach = sum(end - start for start, end in arcs) / (2.0 * np.pi)
     assert sum(widths) / span == pytest.approx(1.0 - reach, abs=1e-6)
     lab.load(change_point_file('two_turns').read_text(encoding='utf-8'))
-    lab.until('lab.turn.linkage === lab.linkage && curves.span === 720')
+    lab.until('lab.turn?.linkage === lab.linkage && curves.span === 720')
     assert '720' in lab.page.locator('#curves text').all_text_contents()
     lab.page.evaluate('lab.turnTo(3 * Math.PI)')
     assert lab.page.locator('#curves').get_attribute('aria-valuenow') == '540.00'

@@ -6,6 +6,7 @@ from typing import Any
 from klann_ros.kinematics import (
     assembly_poses,
     foot_path,
+    FourBar,
     GeometryError,
     Grashof,
     linkage_poses,
@@ -209,6 +210,37 @@ function answer({ texts, lengths }) {
   return { loops, laws: lengths.map(grashofOf) };
 }
 """
+
+
+LIMITS = """
+function answer({ text, lengths }) {
+  const base = readFile(text, text).linkage;
+  const names = ['O4.x', 'O2-A', 'A-B', 'O4-B'];
+  return lengths.map((row) => {
+    const numbers = base.structure.dimensions.map(({ name }) => row[names.indexOf(name)] || 0);
+    const linkage = base.with(numbers);
+    const turn = turnOf(linkage, reachableArcs(linkage));
+    return rockerLimits(linkage, turn, fourBarOf(linkage).rocker);
+  });
+}
+"""
+
+
+def test_a_rocker_is_stationary_where_crank_and_coupler_are_in_line() -> None:
+    lengths = [(0.18, 0.08, 0.2, 0.15), (0.3, 0.1, 0.25, 0.2), (0.3, 0.1, 0.35, 0.2)]
+    # With the rocker at the left of the crank its angle passes 180 deg.
+    turned = [(-ground, *bars) for ground, *bars in lengths]
+    answers = in_node(LIMITS, {'text': TEXTS['four_bar'], 'lengths': [*lengths, *turned]})
+    for row, answer, turned_answer in zip(lengths, answers, answers[3:], strict=False):
+        limits = FourBar(*row).rocker_limits
+        found = [answer[f'{end}{at}'] for end in ('least', 'greatest') for at in ('', 'At')]
+        stretched, folded = limits.stretched, limits.folded
+        expected = [stretched.theta4, stretched.theta2, folded.theta4, folded.theta2]
+        assert np.exp(1j * np.array(found)) == pytest.approx(
+            np.exp(1j * np.array(expected)), abs=2e-7
+        )
+        for law in (answer, turned_answer):
+            assert law['greatest'] - law['least'] == pytest.approx(limits.swing, abs=1e-12)
 
 
 def test_grashofs_law_is_the_same() -> None:

@@ -107,7 +107,9 @@ class NewtonPanel {
       const last = x.at(-1);
       const u = linkage.vectors(last);
       const signs = linkage.blocks.map((block) => (block.sine(u) < 0 ? -1 : 1));
-      const isDrawn = !pose.error && poseDistance(linkage, last, pose.x) < SAME_POSE;
+      // With rounded corrections it ends near the root.
+      const near = this.way === COURSES.fourBar ? 1e-3 : SAME_POSE;
+      const isDrawn = !pose.error && poseDistance(linkage, last, pose.x) < near;
       return say('converged', count, signsText(signs), isDrawn);
     }
     const why = isSingular ? say('singular', count) : say('diverged', count);

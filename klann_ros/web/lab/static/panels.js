@@ -50,7 +50,7 @@ class StatePanel {
     const { turn, linkage } = this.lab;
     if (!turn) return;
     byId('turn-text').textContent = arcsText(turn);
-    byId('grashof').textContent = grashofText(linkage);
+    byId('grashof').textContent = grashofText(linkage, turn);
     const changes = turn.isTurn ? changeTexts(linkage) : [];
     byId('changes').replaceChildren(...changes.map((text) => made('li', '', text)));
     const tiles = turn.pieces.some((poses) => poses.length) ? figuresOf(this.lab, turn) : [];
@@ -105,15 +105,22 @@ function turnNumber(alpha, period) {
   return 1 + modulo(Math.floor((alpha + 1e-9) / TAU), period);
 }
 
-/** Return Grashof's law for the four-bar that the crank drives, or ''. */
-function grashofText(linkage) {
+/** Return Grashof's law for the four-bar that the crank drives, and where its rocker turns back; or ''. */
+function grashofText(linkage, turn) {
   const loop = fourBarOf(linkage);
   if (!loop) return '';
   const { sums, kind, motion } = grashofOf(loop.lengths);
   if (!kind) return '';
   const sign = { I: '<', II: '>', III: '=' }[kind];
   const motions = say('motions')[motion] || motion;
-  return say('grashof', loop.names.join(', '), ...sums.map(lengthText), sign, kind, motions);
+  const law = say('grashof', loop.names.join(', '), ...sums.map(lengthText), sign, kind, motions);
+  if (!turn.isTurn || motion !== 'crank-rocker') return law;
+  const limits = rockerLimits(linkage, turn, loop.rocker);
+  const told = ['least', 'greatest'].flatMap((end) => [
+    degreesText(wrap(limits[end])),
+    turnText(limits[`${end}At`]),
+  ]);
+  return `${law} ${say('stationary', linkage.structure.angles[loop.rocker], ...told)}`;
 }
 
 function arcsText({ isTurn, arcs, linkage }) {

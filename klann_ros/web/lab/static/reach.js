@@ -80,7 +80,7 @@ function grashofOf(lengths) {
   return { sums: [s + l, p + q], kind, motion: kind === 'II' ? 'triple rocker' : motion };
 }
 
-/** Return the bodies of a four-bar that the crank drives, the rocker last; null where there is none. */
+/** Return the four-bar that the crank drives: {names, lengths, rocker}; null where there is none. */
 function fourBarOf({ structure, blocks }) {
   const { bodies } = structure;
   if (!blocks.length || !isDriven(blocks[0])) return null;
@@ -89,7 +89,14 @@ function fourBarOf({ structure, blocks }) {
   if (isRocker[0] === isRocker[1]) return null;
   const { lengths } = drivenLengths(blocks[0]);
   if (isRocker[0]) lengths.push(lengths.splice(2, 1)[0]);
-  return { names: [0, ...pair].map((j) => bodies[j].name), lengths };
+  const rocker = pair[isRocker.indexOf(true)];
+  return { names: [0, ...pair].map((j) => bodies[j].name), lengths, rocker };
+}
+
+/** Return where a rocker turns back, as extremesOf does [rad]. */
+function rockerLimits(linkage, { pieces, isTurn }, rocker) {
+  const first = pieces[0][0].x[rocker];
+  return extremesOf(linkage, pieces, ({ x }) => first + wrap(x[rocker] - first), isTurn);
 }
 
 /** Return the angle between two sides of a triangle [rad]. */

@@ -57,6 +57,8 @@ const TEXTS = {
     grashof: (names, sl, pq, sign, kind, motion) =>
       `Grashof (${names}): s + l = ${sl} ${sign} p + q = ${pq}: class ${kind}, ${motion}.`,
     motions: {},
+    stationary: (name, a, at, b, bAt) =>
+      `${name} is stationary at ${a} (crank at ${at}) and ${b} (crank at ${bAt}).`,
     nowhere: 'It closes at no crank angle in this assembly.',
     and: 'and from',
     to: 'to',
@@ -229,6 +231,8 @@ const TEXTS = {
       'double rocker': 'duplo balancim',
       'triple rocker': 'triplo balancim',
     },
+    stationary: (name, a, at, b, bAt) =>
+      `${name} fica estacionário em ${a} (manivela em ${at}) e ${b} (manivela em ${bAt}).`,
     nowhere: 'Nesta montagem o mecanismo não fecha em nenhum ângulo da manivela.',
     and: 'e de',
     to: 'a',
