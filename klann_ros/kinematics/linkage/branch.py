@@ -34,14 +34,13 @@ ITERATIONS = 6
 CROSSING_STEP = 0.002
 MAX_CROSSING_ERROR = 1e-4
 MAX_RATE_ERROR = 1e-2
-# Steps below which a change of the derivatives is sudden [rad], and their growth over some steps
-# towards the end of an arc.
-KINK_STEP, MAX_RATE_GROWTH = 1e-5, 2.0
+# A block whose sine falls below this, and rises again, passed a change point.
+CONTACT_SINE = 1e-6
 # The poses before it, and their weights at one step beyond it.
 _BEFORE = -np.arange(1.0, 9.0)
 _EXTRAPOLATION = np.linalg.inv(np.vander(_BEFORE, increasing=True)).sum(axis=0)
-# Fields of a corrected pose: see LinkagePose.
-_X_AND_COEFFICIENTS = itemgetter(1, 5)
+# Fields of a corrected pose: x, coefficients and sines, see LinkagePose.
+_POSE_FIELDS = itemgetter(1, 5, 6)
 
 
 class BranchSample(NamedTuple):
@@ -50,8 +49,9 @@ class BranchSample(NamedTuple):
     alpha: float
     x: tuple[float, ...]
     x_1: tuple[float, ...]
-    # The signs of the blocks.
+    # The signs of the blocks, and the smallest of their sines.
     signs: tuple[int, ...]
+    sine: float
 
     def predict(self, step: float) -> tuple[float, ...]:
         """Return the angles a step of the crank further on, to first order."""
@@ -135,7 +135,7 @@ class Branch:
 
     def guesses(self, alphas: FloatArray) -> FloatArray:
         """Return guesses of the angles at many path angles, shape (n - 1, k); NaN beyond it."""
-        samples, x, x_1, _ = zip(*self._samples, strict=True)
+        samples, x, x_1, _, _ = zip(*self._samples, strict=True)
         sample_alphas = np.array(samples)
         angles = self._first + np.remainder(alphas - self._first, self._span)
         right = np.searchsorted(sample_alphas, angles).clip(1, len(samples) - 1)
@@ -163,8 +163,8 @@ class Branch:
         pose = self._functions_of(signs).correct(alpha, guess, TOLERANCE, ITERATIONS)
         if pose is None:
             return None
-        x, x_1 = _X_AND_COEFFICIENTS(pose)
-        return BranchSample(alpha, x, x_1, signs)
+        x, x_1, sines = _POSE_FIELDS(pose)
+        return BranchSample(alpha, x, x_1, signs, min(sines))
 
     def _follow(self, first: BranchSample, direction: float) -> list[BranchSample]:
         """Return the poses from the first on, until it is back or the branch ends."""
@@ -180,7 +180,12 @@ class Branch:
             last = samples[-1]
             guess = last.predict(direction * length)
             sample = self._sample(last.alpha + direction * length, guess, last.signs)
-            if sample is not None and not self._has_kink(samples, sample):
+            if sample is not None:
+                # Its signs are those of the other motion, beyond a contact within rounding.
+                is_beyond = self._crosses and last.sine < min(CONTACT_SINE, sample.sine)
+                if is_beyond and self._cross(samples, direction):
+                    length = BRANCH_STEP
+                    continue
                 samples.append(sample)
                 length = min(BRANCH_STEP, 2.0 * length)
                 continue
@@ -189,20 +194,6 @@ class Branch:
             if is_end and self._crosses and self._cross(samples, direction):
                 length = BRANCH_STEP
         return samples
-
-    def _has_kink(self, samples: Sequence[BranchSample], sample: BranchSample) -> bool:
-        """
-        Return whether a pose is on another branch, beyond a change point within rounding.
-
-        Its derivatives are others, but not far larger ones, as they are at the end of an arc.
-        """
-        last = samples[-1]
-        if not self._crosses or abs(sample.alpha - last.alpha) > KINK_STEP:
-            return False
-        before = samples[max(0, len(samples) - len(_BEFORE))]
-        rates = np.array([before.x_1, last.x_1, sample.x_1]) / self._sizes
-        is_end = np.abs(rates[2]).max() > MAX_RATE_GROWTH * np.abs(rates[0]).max()
-        return bool(np.abs(rates[2] - rates[1]).max() > MAX_RATE_ERROR and not is_end)
 
     def _cross(self, samples: list[BranchSample], direction: float) -> bool:
         """

@@ -357,6 +357,10 @@ def test_coupled_loops_are_back_after_the_turns_of_what_drives_them() -> None:
     assert path.arcs == ((0.0, 2.0 * TURN),)
     feet = FEET['platform_two_turns'](path.alphas)
     assert np.abs(path.h @ (1.0, 1j) - feet).max() <= 1e-9
+    # As the numbers of a file are rounded.
+    for error in (-1e-14, -1e-16, 1e-16, 1e-14):
+        rounded = linkage.varied({'D-C': linkage.dimensions['D-C'] + error})
+        assert np.abs(linkage_poses(rounded, path.alphas).h @ (1.0, 1j) - feet).max() <= 1e-9
 
 
 def test_an_arc_of_coupled_loops_that_is_nearly_a_turn_is_no_overlap() -> None:
