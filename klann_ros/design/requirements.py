@@ -232,21 +232,15 @@ def _task_limits(content: Mapping[str, Any], poses: PoseTarget | None) -> Iterat
 
 
 def _scaled(limit: Limit, spaces: Iterable[Space], load: float) -> Limit:
-    """
-    Return a limit; one of 0 is relative to a figure of that unit.
-
-    That of lengths is the longest bar in the middle of the ranges, that of torques its product
-    with the load [N].
-    """
-    unit_scales = {'m': 1.0, 'N m': load}
-    unit_scale = unit_scales.get(FIGURES[limit.figure].unit)
-    if limit.value or not unit_scale:
+    """Return a limit; one of 0 m or 0 N m is relative to the longest bar, times the load [N]."""
+    force = {'m': 1.0, 'N m': load}.get(FIGURES[limit.figure].unit)
+    if limit.value or not force:
         return limit
     scales = []
     for space in spaces:
         is_length = [dimension.is_length for dimension in space.linkage.structure.dimensions]
         numbers = space.variants(np.full((1, len(space.names)), 0.5)).numbers
-        scales.append(unit_scale * float(numbers[is_length].max()))
+        scales.append(force * float(numbers[is_length].max()))
     return limit._replace(scale=min(scales))
 
 
