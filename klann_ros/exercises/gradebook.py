@@ -352,7 +352,11 @@ def _question_spellings(
     spellings: dict[str, set[tuple[str, Question]]] = {}
     for number, kind in enumerate(kinds, 1):
         for question in KINDS[kind].questions:
-            for name in (question.name, *texts()['questions'].get(question.name, {}).values()):
+            words = texts()['questions'].get(question.name, {}).values()
+            symbol = data()['notation']['symbols'].get(question.name, question.name)
+            # The sheet prints both, such as 'Z, diagonal from A to O4'.
+            labels = [f'{symbol}, {phrase}' for phrase in words]
+            for name in (question.name, symbol, *words, *labels):
                 for heading in (name, f'{kind} {name}', *[f'{number} {name}'] * are_numbered):
                     spellings.setdefault(_compact(heading), set()).add((kind, question))
     return spellings

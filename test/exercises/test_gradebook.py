@@ -4,8 +4,10 @@ from collections.abc import Callable, Mapping
 import csv
 import hashlib
 import hmac
+import html
 import json
 from pathlib import Path
+import re
 import stat
 from typing import Any
 
@@ -19,7 +21,7 @@ from klann_ros.exercises.gradebook import (
     read_tasks,
     save_template,
 )
-from klann_ros.exercises.sheet import Assignment, key, sheets
+from klann_ros.exercises.sheet import Assignment, key, question_markup, sheets
 import pytest
 
 Capture = pytest.CaptureFixture[str]
@@ -212,6 +214,19 @@ def test_the_wide_table_of_all_kinds_is_read_back(tmp_path: Path, language: str)
     for kind in KINDS.values():
         expected = {question.name: '7' for question in kind.questions}
         assert answers.texts['0123', kind.name] == expected
+
+
+@pytest.mark.parametrize('language', ['en', 'pt'])
+def test_a_printed_label_is_a_heading(tmp_path: Path, language: str) -> None:
+    assignment = Assignment(dict.fromkeys(KINDS, 1.0), ANA_EVA, language)
+    labels = ['NUSP']
+    for number, kind in enumerate(KINDS.values(), 1):
+        for question in kind.questions:
+            label = re.sub('<[^>]+>', '', str(question_markup(question, language)))
+            labels.append(f'{number}. {html.unescape(label)}')
+    path = written(tmp_path, f'{";".join(labels)}\n0123{";7" * (len(labels) - 1)}\n')
+    notes = Answers(path, assignment, {}).notes
+    assert not [note for note in notes if 'question' in note]
 
 
 @pytest.mark.parametrize(
