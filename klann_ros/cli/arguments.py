@@ -15,6 +15,7 @@ import textwrap
 from typing import Any, NoReturn
 
 from klann_ros import __version__
+from klann_ros.sanitize.quantity import read_quantity
 from klann_ros.sanitize.text import printable, printable_line
 
 NOT_READ, NOT_WRITTEN = 2, 3
@@ -37,15 +38,24 @@ def path(text: str) -> str:
 
 
 def number_type(
-    allows: Callable[[float], bool], allowed: str, kind: Callable[[str], float] = float
+    allows: Callable[[float], bool],
+    allowed: str,
+    kind: Callable[[str], float] = float,
+    unit: str = '1',
 ) -> Callable[[str], Any]:
-    """Return the type of an option for a number; another text is an ArgumentTypeError."""
+    """
+    Return the type of an option for a number; another text is an ArgumentTypeError.
+
+    The number may have a unit, such as 60rpm, which is converted into the option's.
+    """
 
     def parse(text: str) -> float:
         try:
             number = kind(text)
         except ValueError:
-            number = nan  # which fails every comparison
+            # Without a unit it is none, as 1,000; NaN fails every comparison.
+            quantity = read_quantity(text, unit) if text[-1:].isalpha() else None
+            number = nan if quantity is None else quantity
         if not allows(number):
             raise argparse.ArgumentTypeError(f'{printable(text)} is refused: it must be {allowed}')
         return number
@@ -54,7 +64,7 @@ def number_type(
 
 
 COUNT = number_type(lambda n: 1 <= n < 2**53, 'a whole number, 1 or more', int)
-SECONDS = number_type(lambda s: 0.0 < s < 1e9, 'a number of seconds > 0 (and < 1e9)')
+SECONDS = number_type(lambda s: 0.0 < s < 1e9, 'a number of seconds > 0 (and < 1e9)', unit='s')
 
 
 class UsageError(Exception):

@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from functools import partial
+from math import isnan
 
 from klann_ros.cli import ArgumentParser, NOT_READ, number_type, output_files, path, save_texts
 from klann_ros.dynamics import MassError
@@ -63,15 +64,21 @@ def _parser() -> ArgumentParser:
     parser = ArgumentParser('describe', DESCRIPTION, EPILOG)
     add = parser.add_argument
     add('file', metavar='FILE', type=path, help='the leg or the walker')
+
+    def is_number(number: float) -> bool:
+        return not isnan(number)
+
     speed = 'of the crank [rad/s], negative for clockwise (default: a turn a second)'
-    add('--speed', metavar='RAD_S', type=float, default=DEFAULT_SPEED, help=speed)
+    rate = number_type(is_number, 'a speed in rad/s, or with its unit, as 60rpm', unit='rad/s')
+    add('--speed', metavar='RAD_S', type=rate, default=DEFAULT_SPEED, help=speed)
     load = 'ground reaction of each foot in stance [N]'
-    add('--load', metavar='N', type=float, default=0.0, help=load)
+    force = number_type(is_number, 'a force in N, or with its unit, as 2kgf', unit='N')
+    add('--load', metavar='N', type=force, default=0.0, help=load)
     density = 'of all bars, in place of the masses in FILE [kg/m]'
     add('--bar-density', metavar='KG_M', type=float, help=density)
     add('--motor', metavar='FILE', type=path, help='can this motor turn it?')
     add('--margins', action='store_true', help='also of coupled loops, which takes seconds')
-    step = number_type(lambda step: 4.0 <= step <= 180.0, 'a step of 4 to 180 [deg]')
+    step = number_type(lambda step: 4.0 <= step <= 180.0, 'a step of 4 to 180 [deg]', unit='deg')
     table = 'a turn as a table in such steps, with rates and accelerations [deg]'
     add('--table', metavar='STEP', type=step, help=table)
     add('--html', metavar='OUT', help='the page: the leg moving, and charts')

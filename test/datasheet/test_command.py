@@ -57,13 +57,23 @@ def test_a_weak_motor_has_exit_code_1(arguments: list[str], reason: str, capsys:
 
 def test_a_turn_is_a_table_in_steps_over_all_turns_that_it_takes(capsys: Capture) -> None:
     two_turns = str(change_point_file('two_turns'))
-    for name, step, count in (('sem104', '120', 4), (two_turns, '90', 9)):
-        assert main([name, '--table', step, '--speed', '2']) == 0
+    for name, speed, step, count in (
+        ('sem104', '2', '120', 4),
+        (two_turns, '2000 mrad/s', '90', 9),
+    ):
+        assert main([name, '--table', f'{step}deg', '--speed', speed]) == 0
         table = capsys.readouterr().out.partition(' at 2 rad/s\n')[2]
         rows = table.split('\n\n')[0].splitlines()[2:]
         assert [float(row.split()[0]) for row in rows] == [int(step) * n for n in range(count)]
-    with pytest.raises(SystemExit):
-        main(['sem104', '--table', '3'])
+    for option, text, reason in (
+        ('--table', '3', 'a step of 4 to 180 [deg]'),
+        ('--table', '1rad/s', 'a step of 4 to 180 [deg]'),
+        ('--speed', '5kg', 'a speed in rad/s, or with its unit, as 60rpm'),
+        ('--speed', '1,000', 'a speed in rad/s'),
+    ):
+        with pytest.raises(SystemExit):
+            main(['sem104', option, text])
+        assert f'{text} is refused: it must be {reason}' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -77,7 +87,7 @@ def test_a_turn_is_a_table_in_steps_over_all_turns_that_it_takes(capsys: Capture
         ([SEM, '--motor', SEM], 'holds no motor'),
         ([SEM, '--motor', 'absent.yaml'], 'absent.yaml cannot be read'),
         ([SEM, '--motor', '/dev/zero'], 'a device'),
-        ([SEM, '--speed', 'nan'], 'speed = nan rad/s is refused'),
+        ([SEM, '--speed', 'inf'], 'speed = inf rad/s is refused'),
         ([SEM, '--speed=-1e300'], 'speed = -1e+300 rad/s is refused'),
         ([SEM, '--speed', '1e-9'], 'speed = 1e-09 rad/s is refused'),
         ([SEM, '--load=-5'], 'load = -5.0 N is refused'),
