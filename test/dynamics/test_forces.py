@@ -114,6 +114,16 @@ def test_at_a_change_point_the_torque_is_the_limit_of_its_neighbours(name: str) 
     assert np.isnan(dynamics.reactions(alphas, 2.0).torque).all()
 
 
+def test_a_turn_has_all_turns_until_the_linkage_is_back() -> None:
+    linkage = change_point_linkage('two_turns')
+    turn = Dynamics(linkage, rods(linkage, 1.0)).turn(5.0)
+    assert turn.alphas[-1] == pytest.approx(4.0 * math.pi * (1.0 - 1.0 / len(turn.alphas)))
+    # In one of them the weight does work, in the other as much is taken back.
+    one_turn = turn.torque[: len(turn.alphas) // 2]
+    assert abs(one_turn.mean()) > 1e-3 * turn.peak
+    assert abs(turn.mean) <= 1e-9 * turn.peak
+
+
 @pytest.mark.parametrize('name', ['klann', 'jansen', 'stephenson', 'quick_return', 'trotbot'])
 def test_a_turn_without_loads_takes_no_work(name: str) -> None:
     turn = weighed(name).turn(5.0)
