@@ -185,8 +185,9 @@ def _rows(path: str) -> _Rows:
     lines = ['' if line.startswith('sep=') else line for line in lines]
     first = next((line for line in lines if line.strip() and not line.startswith(COMMENTS)), ',')
     delimiter = next((mark for mark in ';\t,' if mark in first), ' ')
-    # Between commas a comma may group thousands.
-    comma = ',' if delimiter == ',' else '.'
+    words = first.split()
+    if delimiter == ',' and len(words) > 1 and None not in map(_number, _decimal(words)):
+        delimiter = ' '
     header: list[list[str]] = []
     comments: list[list[str]] = []
     rows = _Rows([], [], {})
@@ -196,7 +197,8 @@ def _rows(path: str) -> _Rows:
         if is_comment or not any(cells):
             comments += [cells] * any(cells)
             continue
-        row = [_number(cell.replace(',', comma)) for cell in cells]
+        # Between commas a comma may group thousands.
+        row = [*map(_number, cells if delimiter == ',' else _decimal(cells))]
         is_header = row[cells.index(next(filter(None, cells)))] is None
         if is_header and not rows.numbers and len(header) < MAX_HEADER_LINES:
             header.append(cells)
@@ -215,6 +217,11 @@ def _rows(path: str) -> _Rows:
     if not rows.numbers:
         raise MeasurementError(f'{printable(path)} has no column time: it has no numbers')
     return rows
+
+
+def _decimal(cells: Sequence[str]) -> list[str]:
+    """Return cells with points for decimal commas."""
+    return [cell.replace(',', '.') for cell in cells]
 
 
 def _number(cell: str) -> float | None:

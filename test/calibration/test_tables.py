@@ -164,6 +164,7 @@ def test_degrees_that_are_found_are_reported(tmp_path: Path, capsys: Capture) ->
         text(pin_table(), '#multi:\n,B,,H,\nt,x,y,x,y'),
         kinovea(time_codes(), 'B', 'H'),
         kinovea([f'{time:.6f}' for time in ROBOT.times], 'B', 'H'),
+        kinovea(time_codes(), 'B', 'H').replace('.', ','),
     ],
 )
 def test_a_tracked_pin_is_the_crank(tmp_path: Path, capsys: Capture, content: str) -> None:
