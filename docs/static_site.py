@@ -53,8 +53,9 @@ POLICY = (
     "img-src 'self' data:; base-uri 'none'; form-action 'self'"
 )
 THIN_SPACE = '<mspace width="0.17em"></mspace>'
-# Spaces that TeX has around a function, and operators that begin or end a group.
-MATHML_SPACING = (
+# Upright letters, spaces that TeX has around a function, and operators that begin or end a group.
+MATHML_DETAILS = (
+    (r'<mi class="capital-greek">', '<mi mathvariant="normal">'),
     (r'(<mo>&ApplyFunction;</mo>)(?=\s*<m(?:i|n|sub|sup|frac|sqrt)\b)', r'\1' + THIN_SPACE),
     (r'(</m(?:i|n|sub|sup|subsup)>)(?=\s*<mi>\w+</mi>\s*<mo>&Apply)', r'\1' + THIN_SPACE),
     (r'(<mo[^>]*>[(\[,=]</mo>\s*)<mo>([±\u2212+])</mo>', r'\1<mo form="prefix">\2</mo>'),
@@ -100,7 +101,7 @@ class LabLink(Transform):
 def formula_markup(formula: str, *, is_block: bool = False) -> str:
     """Return a formula of TeX as MathML."""
     markup = tex2mathml(formula, as_block=is_block)
-    for pattern, replacement in MATHML_SPACING:
+    for pattern, replacement in MATHML_DETAILS:
         markup = re.sub(pattern, replacement, markup, flags=re.DOTALL)
     return f'<div class="math">{markup}</div>' if is_block else markup
 

@@ -28,8 +28,19 @@ LEG = KlannLeg()
 # The pages with figures; the check `docs` builds all.
 SOURCES = ('index', 'theory', 'teoria', 'examples', 'exemplos', 'lab')
 FIGURES = {'theory': 12, 'teoria': 12, 'examples': 5, 'exemplos': 5, '../index': 1}
+# L1 to L4 [mm], of each class and kind.
+FOUR_BARS = (
+    (180, 80, 200, 150),
+    (60, 120, 140, 150),
+    (200, 180, 120, 70),
+    (180, 150, 60, 140),
+    (180, 120, 130, 140),
+    (200, 100, 250, 150),
+    (200, 100, 200, 100),
+    (200, 100, 100, 200),
+)
 SCROLL = """async () => {
-    for (let top = 0; top < document.documentElement.scrollHeight; top += 400) {
+    for (let top = 0; top < document.documentElement.scrollHeight; top += 1200) {
         scrollTo({ top, behavior: 'instant' });
         await new Promise((done) => setTimeout(done, 40));
     }
@@ -210,27 +221,15 @@ def test_newton_raphson_and_the_warm_start_are_those_of_python(visit: Visit) -> 
         assert [*values(box).values()] == [f'{count} corrections' for count in counts]
 
 
-@pytest.mark.parametrize(
-    'lengths',
-    [
-        (180, 80, 200, 150),
-        (60, 120, 140, 150),
-        (200, 180, 120, 70),
-        (180, 150, 60, 140),
-        (180, 120, 130, 140),
-        (200, 100, 250, 150),
-        (200, 100, 200, 100),
-        (200, 100, 100, 200),
-    ],
-)
-def test_the_class_of_a_four_bar_is_that_of_python(visit: Visit, lengths: tuple[int, ...]) -> None:
+def test_the_class_of_a_four_bar_is_that_of_python(visit: Visit) -> None:
     box = figure(visit('examples'), 'example_four_bar')
-    # The longest first, so that it closes on the way.
-    for length, label in sorted(zip(lengths, ('L₁', 'L₂', 'L₃', 'L₄'), strict=True))[::-1]:
-        move(box, label, length)
-    grashof = FourBar(*lengths).grashof
-    motion = grashof.type_.removeprefix(f'{grashof.shape} ')
-    assert values(box)['Grashof'] == f'{grashof.class_}, {motion}'
+    for lengths in FOUR_BARS:
+        # The longest first, so that it closes on the way.
+        for length, label in sorted(zip(lengths, ('L₁', 'L₂', 'L₃', 'L₄'), strict=True))[::-1]:
+            move(box, label, length)
+        grashof = FourBar(*lengths).grashof
+        motion = grashof.type_.removeprefix(f'{grashof.shape} ')
+        assert values(box)['Grashof'] == f'{grashof.class_}, {motion}', lengths
 
 
 def test_the_ratio_of_a_quick_return_is_that_of_its_geometry(visit: Visit) -> None:
@@ -289,7 +288,7 @@ def test_every_figure_opens_in_the_lab_as_it_is(visit: Visit) -> None:
     links = {}
     for box in opened.page.locator('.interactive').all():
         options = box.locator('option').count()
-        for k in range(max(options, 1)):
+        for k in {0, max(options, 1) - 1}:
             if options:
                 box.locator('select').select_option(index=k)
             link = box.get_by_role('link').evaluate('(node) => node.href')
