@@ -23,9 +23,8 @@ _FORMULA_STARTS = ('=', '+', '-', '@', '\t', '\r', '\n', '\uff1d', '\uff0b', '\u
 
 
 class TableRow(NamedTuple):
-    """A row of a table: where it is, such as 'class.csv, line 2', its line, and its cells."""
+    """A row of a table: the number of its last line, and its cells by column."""
 
-    place: str
     line: int
     cells: dict[str, str]
 
@@ -87,14 +86,13 @@ def read_table(
             if not any(map(str.strip, cells)):
                 continue
             line = start + reader.line_num
-            place = f'{file}, line {line}'
             if any(map(str.strip, cells[slice(len(names), None)])):
                 raise error_type(
-                    f'{place}: {len(cells)} cells for {len(names)} columns; put a number with a '
-                    'comma in quotes'
+                    f'{file}, line {line}: {len(cells)} cells for {len(names)} columns; put a '
+                    'number with a comma in quotes'
                 )
             by_name = dict(zip(names, map(_without_quote, cells), strict=False))
-            rows.append(TableRow(place, line, by_name))
+            rows.append(TableRow(line, by_name))
     except csv.Error as error:
         raise error_type(f'{file}, line {start + reader.line_num}: {error}') from error
     return Table(rows, names, {name: heads[column] for name, column in columns.items()})

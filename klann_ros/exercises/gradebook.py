@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 import hmac
 import json
+from math import isnan
 import os
 from pathlib import Path
 import re
@@ -14,7 +15,6 @@ from klann_ros.cli import harmless, OutputError, plain, read_table, Table, write
 from klann_ros.sanitize.files import read_regular
 from klann_ros.sanitize.text import (
     counted,
-    did_you_mean,
     listed,
     MAX_LINE_LENGTH,
     parse_json,
@@ -31,14 +31,12 @@ from .variant import ExerciseError, LANGUAGES, look_up, Question, texts
 ASSIGNMENT_FILE = 'exercise.json'
 # Largest table [bytes], students of one, and points of a task; shortest secret [characters].
 MAX_TABLE, MAX_STUDENTS, MAX_POINTS, MIN_SECRET = 20_000_000, 5000, 1000.0, 12
-# Refused rows with advice, which is slow to find.
-MAX_ADVICE = 20
 ANSWER_COLUMNS = ('student', 'kind', 'question', 'answer')
 MARK_COLUMNS = (*ANSWER_COLUMNS, 'points', 'reason')
 # A long student number as a spreadsheet writes it, and one with the decimals of a program.
 SCIENTIFIC, DECIMALS = re.compile(r'\d(?:[.,]\d+)?[Ee]\+?\d+'), re.compile(r'(\d+)\.0')
-# A heading and its unit; the word before the number of a task.
-HEADING_WITH_UNIT = re.compile(r'(.*?)(?:[\[(]([^\[\]()]*)[\])])?', re.DOTALL)
+# The unit of a heading; the word before the number of a task.
+UNIT_OF_HEADING = re.compile(r'[\[(]([^\[\]()]*)[\])]$')
 TASK_WORD = re.compile(r'^(?:questao|question|tarefa|task|exercicio|exercise)(?=\d)')
 
 
@@ -165,7 +163,8 @@ def read_students(path: str, headings: Mapping[str, str]) -> tuple[dict[str, str
     names: dict[str, str] = {}
     repeated = []
     notes = _guesses(table)
-    for place, _, cells in table.rows:
+    for line, cells in table.rows:
+        place = f'{printable(path)}, line {line}'
         columns = (cells.get(column, '').strip() for column in ('student', 'name', 'surname'))
         student, name, surname = map(printable, columns)
         if not name.endswith(surname):
@@ -174,7 +173,10 @@ def read_students(path: str, headings: Mapping[str, str]) -> tuple[dict[str, str
             # A line below the class, such as 'Total: 40'.
             notes.append(f'left out: {place}')
             continue
-        number = _number(cells, place)
+        try:
+            number = _number(cells)
+        except ExerciseError as error:
+            raise ExerciseError(f'{place}: {error}') from error
         if number in names:
             repeated.append(number)
         names[number] = name
@@ -205,17 +207,34 @@ def _guesses(table: Table) -> list[str]:
     return [f'columns: {", ".join(guesses)}'] if guesses else []
 
 
-def _number(cells: Mapping[str, str], place: str) -> str:
+def _number(cells: Mapping[str, str]) -> str:
     """Return the student number of a row."""
     number = DECIMALS.sub(r'\1', cells.get('student', '').strip())
     if not number:
-        raise ExerciseError(f'{place}: no student number')
+        raise ExerciseError('no student number')
     if SCIENTIFIC.fullmatch(number):
         raise ExerciseError(
-            f'{place}: student {number} is a number that a spreadsheet has rounded; give the '
-            'column the format text'
+            f'student {number} is a number that a spreadsheet has rounded; give the column the '
+            'format text'
         )
     return number
+
+
+class QuestionColumn(NamedTuple):
+    """A column with answers to a question, and the unit in its heading."""
+
+    heading: str
+    kind: str
+    question: Question
+    unit: str = ''
+
+    def answer(self, cells: Mapping[str, str]) -> str:
+        """Return the answer in a row, with the heading's unit if that makes it another one."""
+        text = cells.get(self.heading, '').strip()
+        with_unit = f'{text} {self.unit}'
+        amount = read_answer(with_unit, self.question) if self.unit else None
+        is_number = isinstance(amount, float) and not isnan(amount)
+        return with_unit if is_number and amount != read_answer(text, self.question) else text
 
 
 class Answers:
@@ -223,13 +242,14 @@ class Answers:
     The answers of a table as written, by student and kind, then by question.
 
     `refused` are the rows that cannot be used, `notes` what was guessed. A table without columns
-    for question and answer has a row a student and a column a question. An ExerciseError means
-    that the file cannot be read, or is no table of answers.
+    for question and answer has a row a student and a column a question. The last answer to a
+    question counts. An ExerciseError means that the file is unreadable, or no table of answers.
     """
 
     def __init__(self, path: str, assignment: Assignment, headings: Mapping[str, str]) -> None:
         self._assignment = assignment
-        self._kinds = {kind: KINDS[kind] for kind in assignment.points or KINDS}
+        self._kinds = listed(assignment.points or KINDS, 3)
+        self._spellings = _question_spellings(assignment)
         self._numbers: dict[str, list[str]] = {}
         for student in assignment.students:
             self._numbers.setdefault(_bare(student), []).append(student)
@@ -238,92 +258,84 @@ class Answers:
         table = _table(path, headings)
         self.notes = _guesses(table)
         is_long = {'question', 'answer'} <= {*table.names}
-        columns = {} if is_long else self._question_columns(table, printable(path))
-        lines: dict[str, int] = {}
-        for _, line, cells in table.rows:
+        columns = [] if is_long else self._columns(table, printable(path))
+        lines: dict[tuple[str, str, str], int] = {}
+        for line, cells in table.rows:
             try:
-                student = self._student(cells, line)
-                if is_long:
-                    self._add(student, cells, line)
+                student = self._student(cells)
+                row_columns = columns or [self._column_of_row(cells)]
             except ExerciseError as error:
-                self.refused.append(str(error))
+                self.refused.append(f'line {line}: {error}')
                 continue
-            if columns and student in lines:
-                places = f'lines {lines[student]} and {line}'
-                self.notes.append(f'{places} are both of {printable(student)}: the last counts')
-            lines[student] = line
-            for heading, (kind, question, unit) in columns.items():
-                text = cells.get(heading, '').strip()
-                if unit and read_answer(f'{text} {unit}', question) is not None:
-                    text = f'{text} {unit}'
-                self.texts.setdefault((student, kind), {})[question.name] = text
+            for column in row_columns:
+                place = (student, column.kind, column.question.name)
+                if place in lines:
+                    places = f'lines {lines[place]} and {line} are both of {printable(student)}'
+                    self.notes.append(f'{places}: the last counts')
+                lines[place] = line
+                answers = self.texts.setdefault((student, column.kind), {})
+                answers[column.question.name] = column.answer(cells)
+        self.notes = [*dict.fromkeys(self.notes)]
         if not self.texts and not self.refused:
             raise ExerciseError(f'{printable(path)} has no answers')
 
-    def _student(self, cells: Mapping[str, str], line: int) -> str:
+    def _student(self, cells: Mapping[str, str]) -> str:
         """Return the student of a row, with the number as in the class list."""
-        number = _number(cells, f'line {line}')
+        number = _number(cells)
         students = self._assignment.students
         if not students or number in students:
             return number
         similar = self._numbers.get(_bare(number), ())
         if len(similar) != 1:
-            # Advice is slow to find: not for every row of a wrong file.
-            advice = did_you_mean(number, students) if len(self.refused) < MAX_ADVICE else ''
-            shown = printable(number)
-            raise ExerciseError(f'line {line}: student {shown} is not in the class{advice}')
-        self.notes.append(f'line {line}: {printable(number)} is taken for {similar[0]}')
+            raise ExerciseError(f'student {printable(number)} is not in the class')
+        self.notes.append(f'student {printable(number)} is taken for {similar[0]}')
         return similar[0]
 
-    def _add(self, student: str, cells: Mapping[str, str], line: int) -> None:
-        """Add the answer of a row; an ExerciseError if it is of no question, or the second."""
-        kind = cells.get('kind', '').strip()
-        if not kind and len(self._kinds) == 1:
-            (kind,) = self._kinds
-        question = cells.get('question', '').strip()
-        questions = look_up(kind, self._kinds, f'line {line}: kind').questions
-        names = dict.fromkeys(question.name for question in questions)
-        look_up(question, names, f'line {line}: question of {kind}')
-        answers = self.texts.setdefault((student, kind), {})
-        if question in answers:
-            raise ExerciseError(f'line {line}: {printable(student)} answers {question} twice')
-        answers[question] = cells.get('answer', '').strip()
+    def _column(self, heading: str) -> QuestionColumn | None:
+        """Return a heading's question, if it is of one; an ExerciseError if it is of several."""
+        unit = ''.join(UNIT_OF_HEADING.findall(heading))
+        name = UNIT_OF_HEADING.sub('', heading)
+        spellings = self._spellings
+        matches = spellings.get(_compact(heading)) or spellings.get(_compact(name)) or set()
+        if len(matches) > 1:
+            kinds = listed(sorted(kind for kind, _ in matches), 3)
+            raise ExerciseError(f'put the kind before {printable(heading, 60)}: {kinds}')
+        return next((QuestionColumn(heading, *match, unit) for match in matches), None)
 
-    def _question_columns(self, table: Table, file: str) -> dict[str, tuple[str, Question, str]]:
-        """Return the kind, the question and, if it is another one, the unit by heading."""
-        spellings = _question_spellings(self._kinds, are_numbered=bool(self._assignment.points))
-        columns: dict[str, tuple[str, Question, str]] = {}
-        missing = {(kind, q) for kind in self._assignment.points for q in KINDS[kind].questions}
+    def _column_of_row(self, cells: Mapping[str, str]) -> QuestionColumn:
+        """Return the question of a row of one answer."""
+        heading = f'{cells.get("kind", "")} {cells.get("question", "")}'.strip()
+        column = self._column(heading)
+        if column is None:
+            raise ExerciseError(f'{printable(heading)!r} is no question of {self._kinds}')
+        return column._replace(heading='answer')
+
+    def _columns(self, table: Table, file: str) -> list[QuestionColumn]:
+        """Return the columns of questions of a table with a row a student."""
+        columns: dict[str, QuestionColumn] = {}
         left_out = []
         for heading in table.names:
-            match = HEADING_WITH_UNIT.fullmatch(heading)
-            name, unit = match.groups('') if match else (heading, '')
-            matches = spellings.get(_compact(heading)) or spellings.get(_compact(name)) or ()
-            if heading in table.headings or not matches:
-                left_out += [heading] * (heading not in table.headings)
+            if heading in table.headings:
                 continue
-            if len(matches) > 1:
-                kinds = listed(sorted(kind for kind, _ in matches), 3)
-                raise ExerciseError(
-                    f'{file}: put the kind before {printable(heading, 60)}: {kinds}'
-                )
-            ((kind, question),) = matches
-            if (kind, question) in [column[:2] for column in columns.values()]:
-                raise ExerciseError(f'{file} has two columns of {kind} {question.name}')
-            is_other = unit and read_answer(f'1 {unit}', question) not in (1.0, None)
-            columns[heading] = (kind, question, unit if is_other else '')
-            missing.discard((kind, question))
+            column = self._column(heading)
+            if column is None:
+                left_out.append(heading)
+                continue
+            name = f'{column.kind} {column.question.name}'
+            if name in columns:
+                raise ExerciseError(f'{file} has two columns of {name}')
+            columns[name] = column
         if not columns:
             raise ExerciseError(
                 f'{file} has no columns question and answer, nor one of a question of '
-                f'{listed(self._kinds, 3)}; its columns are {listed(table.names, 8)}'
+                f'{self._kinds}; its columns are {listed(table.names, 8)}'
             )
         if left_out:
             self.notes.append(f'columns that are no questions: {listed(left_out, 8)}')
-        if missing:
-            names = sorted(f'{kind} {question.name}' for kind, question in missing)
-            self.notes.append(f'questions without a column: {listed(names)}')
-        return columns
+        names = {f'{kind} {question.name}' for kind, question in _questions(self._assignment)}
+        if missing := sorted(names - {*columns}):
+            self.notes.append(f'questions without a column: {listed(missing)}')
+        return [*columns.values()]
 
     def marks(self) -> Marks:
         """Return the marks of who answered; a number that gives no variant is refused."""
@@ -345,20 +357,21 @@ def _bare(number: str) -> str:
     return re.sub(r'\D', '', number).lstrip('0') or plain(number)
 
 
-def _question_spellings(
-    kinds: Iterable[str], *, are_numbered: bool
-) -> dict[str, set[tuple[str, Question]]]:
+def _question_spellings(assignment: Assignment) -> dict[str, set[tuple[str, Question]]]:
     """Return the questions by the headings that stand for them: alone, or after kind or number."""
     spellings: dict[str, set[tuple[str, Question]]] = {}
-    for number, kind in enumerate(kinds, 1):
+    for number, kind in enumerate(assignment.points or KINDS, 1):
+        # Tasks have numbers on a sheet alone.
+        prefixes = ('', kind, str(number)) if assignment.points else ('', kind)
         for question in KINDS[kind].questions:
             words = texts()['questions'].get(question.name, {}).values()
             symbol = data()['notation']['symbols'].get(question.name, question.name)
             # The sheet prints both, such as 'Z, diagonal from A to O4'.
             labels = [f'{symbol}, {phrase}' for phrase in words]
             for name in (question.name, symbol, *words, *labels):
-                for heading in (name, f'{kind} {name}', *[f'{number} {name}'] * are_numbered):
-                    spellings.setdefault(_compact(heading), set()).add((kind, question))
+                for prefix in prefixes:
+                    heading = _compact(f'{prefix} {name}')
+                    spellings.setdefault(heading, set()).add((kind, question))
     return spellings
 
 
@@ -381,9 +394,7 @@ def has_answers(path: str) -> bool:
 def save_template(assignment: Assignment, is_wide: bool, file: BinaryIO) -> None:
     """Write an empty table of answers, a row an answer or, if wide, a row a student."""
     language = assignment.language
-    questions = [
-        (kind, question) for kind in assignment.points for question in KINDS[kind].questions
-    ]
+    questions = _questions(assignment)
     if is_wide:
         heads = [assignment.word(name) for name in ('student', 'name')]
         for kind, question in questions:
@@ -393,14 +404,18 @@ def save_template(assignment: Assignment, is_wide: bool, file: BinaryIO) -> None
             name = words if has_words_alone else question.name
             heads.append(f'{kind} {name}{sign and f" ({sign})"}')
         blanks = [''] * len(questions)
-        _save(
-            heads, [(*student, *blanks) for student in assignment.students.items()], language, file
-        )
-        return
-    rows = []
-    for student in assignment.students:
-        rows += [(student, kind, question.name, '') for kind, question in questions]
-    _save(ANSWER_COLUMNS, rows, language, file)
+        rows = [[*student, *blanks] for student in assignment.students.items()]
+    else:
+        heads = [*ANSWER_COLUMNS]
+        rows = []
+        for student in assignment.students:
+            rows += [[student, kind, question.name, ''] for kind, question in questions]
+    _save(heads, rows, language, file)
+
+
+def _questions(assignment: Assignment) -> list[tuple[str, Question]]:
+    """Return the questions of all tasks, and their kinds."""
+    return [(kind, question) for kind in assignment.points for question in KINDS[kind].questions]
 
 
 def save_marks(class_marks: Marks, assignment: Assignment, file: BinaryIO) -> None:

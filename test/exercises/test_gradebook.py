@@ -196,18 +196,23 @@ def test_a_row_of_a_form_is_the_answers_of_a_student(
     assert ('Carimbo de data/hora' in shown) == (name == 'Google Forms')
 
 
+@pytest.mark.parametrize('is_wide', [True, False])
 @pytest.mark.parametrize('language', ['en', 'pt'])
-def test_the_wide_table_of_all_kinds_is_read_back(tmp_path: Path, language: str) -> None:
+def test_the_table_of_all_kinds_is_read_back(
+    tmp_path: Path, language: str, *, is_wide: bool
+) -> None:
     assignment = Assignment(dict.fromkeys(KINDS, 1.0), ANA_EVA, language)
     path = tmp_path / 'answers.csv'
     with path.open('wb') as file:
-        save_template(assignment, True, file)
+        save_template(assignment, is_wide, file)
     heads, *rows = path.read_text('utf-8-sig').splitlines()
     assert 'grashof grashof' not in heads
     delimiter = ';' if language == 'pt' else ','
-    filled = [
-        f'{row.split(delimiter)[0]}{f"{delimiter}7" * heads.count(delimiter)}' for row in rows
-    ]
+    filled = []
+    for row in rows:
+        labels = row.rstrip(delimiter)
+        blank_count = heads.count(delimiter) - labels.count(delimiter)
+        filled.append(labels + f'{delimiter}7' * blank_count)
     path.write_text('\n'.join([heads, *filled]), 'utf-8-sig')
     answers = Answers(str(path), assignment, {})
     assert not [note for note in answers.notes if 'question' in note]
@@ -243,6 +248,28 @@ def test_a_heading_has_the_symbols_of_the_sheet(
     assert '0123  newton  1 of 15' in capsys.readouterr().out
 
 
+@pytest.mark.parametrize('cell', ['{:.4f}', '{:.4f} cm', '{:.4f}cm.'])
+def test_a_unit_of_an_answer_goes_before_that_of_its_heading(
+    tmp_path: Path, capsys: Capture, cell: str
+) -> None:
+    folder = make(tmp_path)
+    length = make_variant(KINDS['toggle'], '0123').answers['Z']
+    assert isinstance(length, float)
+    path = written(tmp_path, f'NUSP;Z [cm]\n0123;{cell.format(length / 10.0)}\n')
+    capsys.readouterr()
+    assert main(['mark', path, '--folder', str(folder)]) == 0
+    assert '0123  toggle  0.5 of 1.5' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('task', ['toggle,Z', ',Z', '1,Z', 'Toggle,z (mm)', ',1. Z', ',toggle: Z'])
+def test_a_row_of_an_answer_names_its_question_as_a_heading_does(
+    tmp_path: Path, task: str
+) -> None:
+    assignment = Assignment(read_tasks(['toggle', 'grashof']), ANA_EVA)
+    path = written(tmp_path, f'student,kind,question,answer\n0123,{task},7\n')
+    assert Answers(path, assignment, {}).texts == {('0123', 'toggle'): {'Z': '7'}}
+
+
 def test_the_report_has_the_points_of_the_class(tmp_path: Path, capsys: Capture) -> None:
     numbers = ['1', '01', '2', '3']
     folder = make(tmp_path, '--language', 'pt', content='\n'.join(['student', *numbers]))
@@ -259,7 +286,7 @@ def test_the_report_has_the_points_of_the_class(tmp_path: Path, capsys: Capture)
     assert 'questão mais difícil, 33 % dos pontos: toggle L_3_S\n' in shown
     assert 'sem respostas: 01\n' in shown
     # Of 1 and 01 it may be either.
-    assert 'student 001 is not in the class; did you mean 01?' in shown
+    assert 'refused: line 5: student 001 is not in the class\n' in shown
 
 
 def test_rows_of_a_form_that_are_guessed_doubled_or_unknown_are_named(
@@ -274,11 +301,11 @@ def test_rows_of_a_form_that_are_guessed_doubled_or_unknown_are_named(
     for line in (
         'note: columns: student = NUSP',
         'note: questions without a column: grashof grashof, grashof motion, grashof p_q, ',
-        'note: line 2: NUSP 123 is taken for 0123',
+        'note: student NUSP 123 is taken for 0123',
         'note: lines 2 and 3 are both of 0123: the last counts',
         '    Z = 2: 0, wrong',
         'no answers: 0456',
-        'refused: line 4: student 0457 is not in the class; did you mean 0456?',
+        'refused: line 4: student 0457 is not in the class',
         'refused: line 5: no student number',
     ):
         assert line in shown
@@ -351,7 +378,7 @@ def test_a_folder_remembers_its_assignment(tmp_path: Path, capsys: Capture) -> N
     shown = capsys.readouterr().out
     assert 'exercise.json: 2 students, points toggle 1.5, grashof 2, language pt\n' in shown
     assert 'Z = x: 0, não foi lida: ' in shown
-    assert "refused: line 3: kind 'newton' is unknown: toggle, grashof" in shown
+    assert "refused: line 3: 'newton f_1' is no question of toggle, grashof" in shown
 
 
 DAMAGED: dict[str, Any] = {
