@@ -257,7 +257,7 @@ def test_an_entry_holds_as_long_as_it_is_legal(lab: Opened) -> None:
     link = page.evaluate('linkOf(lab)')
     field = page.locator('#number-0')
     typed = (
-        ('10 cm', 100), ('0.11 m', 110), ('4 in', 101.6), ('4.25"', 107.95), ('1.15e2', 115),
+        ('10 cm', 100), ('0.11 m', 110), ('4 in', 101.6), ('4.25 inches', 107.95), ('1.15e2', 115),
         ('1.1e1cm', 110), ('0.000012 km', 12),
     )  # fmt: skip
     for text, millimetres in typed:
@@ -563,7 +563,7 @@ def test_a_refused_number_is_explained_and_changes_nothing(lab: Opened) -> None:
     for text in ('9' * 5000, f'120.{"0" * 5000}', '1e999'):
         assert 'is not a number' in str(lab.page.evaluate(read, text))
     assert refusal(0, '1,5') == ('Refused: 1,5 is not a number: write a decimal point, as in 12.5')
-    unit = 'x is no unit of a length: write mm, cm, m or in, or nothing for mm'
+    unit = 'x is no unit here: write a number alone, or with mm, cm, m, in'
     lab.page.locator('#number-0').fill('1x')
     lab.page.keyboard.press('Enter')
     assert lab.text('#refusal') == f'Refused: {unit}'

@@ -4,6 +4,7 @@
 const MAX_DECIMAL_LENGTH = 40;
 const NUMBER_AND_UNIT =
   /^\s*([-+\u2212\u2013]?[\d.,]*(?:e[-+\u2212\u2013]?(?:\d+|$))?)\s*(.*?)\s*$/is;
+const UNITS_OFFERED = { mm: 'mm, cm, m, in', '°': 'deg, rad', 'rad/s': 'rad/s, rpm' };
 // What a unit may begin with.
 const UNIT = /^[\p{L}°º'"″′]/u;
 
@@ -37,11 +38,12 @@ function quantityOf(text, unit, isEnd = true) {
   if (factor) return Number((number * factor).toPrecision(15));
   // It may become one.
   if (!isEnd) return null;
-  return refuseText({ mm: 'noLength', '°': 'noAngle' }[unit] || 'noRate', word);
+  return refuseText('noUnit', word, UNITS_OFFERED[unit]);
 }
 
-function refuseText(key, text) {
-  throw new Refusal(TEXTS.en[key](printable(text)), TEXTS.pt[key](printable(text)));
+function refuseText(key, text, units) {
+  const [en, pt] = [TEXTS.en, TEXTS.pt].map((texts) => texts[key](printable(text), units));
+  throw new Refusal(en, pt);
 }
 
 /**

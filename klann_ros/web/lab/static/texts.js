@@ -86,7 +86,6 @@ const TEXTS = {
     rate: 'Crank rate [rad/s]',
     valuesHint:
       'A rate may be typed as 60 rpm. T/T: the torque of a body over the crank’s. Click a number for its curve.',
-    noRate: (text) => `${text} is no unit of a rate: write rad/s or rpm, or nothing for rad/s`,
     tooFast: 'the crank rate must be within ±1,000,000 rad/s',
     body: 'Body',
     angle: 'Angle',
@@ -163,8 +162,7 @@ const TEXTS = {
     tooLong: (size) => `the file has ${size} bytes, more than a million`,
     unreadable: 'the file cannot be read',
     noNumber: (text) => `${text} is not a number`,
-    noLength: (text) => `${text} is no unit of a length: write mm, cm, m or in, or nothing for mm`,
-    noAngle: (text) => `${text} is no unit of an angle: write deg or rad, or nothing for degrees`,
+    noUnit: (text, units) => `${text} is no unit here: write a number alone, or with ${units}`,
     wrongSeparator: (text) => `${text} is not a number: write a decimal point, as in 12.5`,
     point: (name) => `Point ${name}: the arrow keys move it`,
     side: 'it cannot be dragged through its own bar',
@@ -260,8 +258,6 @@ const TEXTS = {
     rate: 'Velocidade da manivela [rad/s]',
     valuesHint:
       'A velocidade pode ser 60 rpm. T/T: o torque de um corpo sobre o da manivela. Clique num número para ver a curva.',
-    noRate: (text) =>
-      `${text} não é uma unidade de velocidade: use rad/s ou rpm, ou nenhuma para rad/s`,
     tooFast: 'a velocidade da manivela tem de estar entre ±1.000.000 rad/s',
     body: 'Corpo',
     angle: 'Ângulo',
@@ -340,10 +336,7 @@ const TEXTS = {
     tooLong: (size) => `o arquivo tem ${size} bytes, mais de um milhão`,
     unreadable: 'o arquivo não pode ser lido',
     noNumber: (text) => `${text} não é um número`,
-    noLength: (text) =>
-      `${text} não é uma unidade de comprimento: use mm, cm, m ou in, ou nenhuma para mm`,
-    noAngle: (text) =>
-      `${text} não é uma unidade de ângulo: use graus ou rad, ou nenhuma para graus`,
+    noUnit: (text, units) => `${text} não serve de unidade aqui: use só o número, ou ${units}`,
     wrongSeparator: (text) => `${text} não é um número: use a vírgula decimal, como em 12,5`,
     point: (name) => `Ponto ${name}: as setas o movem`,
     side: 'não pode ser arrastado através da sua própria barra',
