@@ -16,15 +16,13 @@ from numpy.typing import ArrayLike
 
 from .poses import linkage_poses
 
-# Each unit as it is printed: its name, its size, and decimals.
+# The units that are printed otherwise than as they are with four decimals: name, size, decimals.
 PRINTED = {
     'rad': ('deg', 180.0 / pi, 2),
     'm': ('mm', 1000.0, 3),
-    'rad/s': ('rad/s', 1.0, 4),
     'm/s': ('mm/s', 1000.0, 2),
-    'rad/s^2': ('rad/s^2', 1.0, 4),
     'm/s^2': ('mm/s^2', 1000.0, 2),
-    '1': ('1', 1.0, 4),
+    '': ('', 1.0, 6),
 }
 # The course's symbols of a four-bar's columns.
 SYMBOLS = {'z': 'Z', 'transmission_angle': 'mu', 'mechanical_advantage': 'T4/T2'}
@@ -106,7 +104,7 @@ class LegTable:
     def _printed_columns(self) -> Iterator[tuple[str, str, int, FloatArray]]:
         """Yield the symbol, unit, decimals and numbers of each column, as they are printed."""
         for (name, numbers), unit in zip(self.columns.items(), self.units, strict=True):
-            printed_unit, scale, decimals = PRINTED.get(unit, (unit, 1.0, 6))
+            printed_unit, scale, decimals = PRINTED.get(unit, (unit, 1.0, 4))
             yield SYMBOLS.get(name, name), printed_unit, decimals, scale * numbers.ravel()
 
 
