@@ -159,8 +159,11 @@ def explain(
         is_rounded = slip == ROUNDING or gap <= reach
     if slip == WRONG and is_rounded:
         slip = ROUNDING
-    is_explained = is_proven or is_rounded or (size and gap >= CLOSE * size)
-    return slip, credit_of(slip) if is_explained else 0.0
+    is_far = bool(size) and gap >= CLOSE * size
+    if question.unit == 'count':
+        # A count is easily a mistake's by chance, unless that changes nothing else.
+        is_far = [*variant.mistaken.get(mistake, ())] == [question.name]
+    return slip, credit_of(slip) if is_proven or is_rounded or is_far else 0.0
 
 
 def _fitting(variant: Variant, question: Question, answer: Answer) -> dict[str, int]:

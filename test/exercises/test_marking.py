@@ -111,6 +111,20 @@ def test_a_number_of_a_slip_close_to_the_right_one_is_a_slip_by_two_answers(
     assert {answer.points for answer in mark(four_bar, answers)} == {0.0, 1.0}
 
 
+@pytest.mark.parametrize('name', ['newton', 'four-bar-newton'])
+def test_a_count_is_a_slip_by_itself_only_if_that_changes_nothing_else(name: str) -> None:
+    for student in '01':
+        variant = make_variant(KINDS[name], student)
+        count = variant.answers['iterations']
+        assert isinstance(count, float)
+        points = []
+        for error in (-2, -1, 1, 2):
+            answers = right_answers(variant) | {'iterations': f'{count + error:.0f}'}
+            points.append(mark(variant, answers)[-1].points)
+        # One less is the slip of the last iteration, whose angles are right.
+        assert points == [0.0, 0.7, 0.0, 0.0], student
+
+
 def test_a_slip_is_charged_once(four_bar: Variant) -> None:
     wrong = {name: f'{angle:.6g}' for name, angle in four_bar.mistaken['assembly:1'].items()}
     marks = mark(four_bar, right_answers(four_bar) | wrong)

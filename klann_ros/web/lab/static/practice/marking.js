@@ -100,7 +100,13 @@ function explainedBy(exercise, question, answer, mistake, isProven) {
       gap <= (ROUNDING_REACH * Math.hypot(...errors)) / Math.sqrt(errors.length || 1);
   }
   const slip = name === 'wrong' && isRounded ? 'rounding' : name;
-  const isCredited = isProven || isRounded || (size > 0 && gap >= CLOSE * size);
+  const changed = Object.keys(exercise.mistaken.get(mistake) ?? {});
+  // A count is easily a mistake's by chance, unless that changes nothing else.
+  const isFar =
+    question.unit === 'count'
+      ? changed.length === 1 && changed[0] === question.name
+      : size > 0 && gap >= CLOSE * size;
+  const isCredited = isProven || isRounded || isFar;
   return { slip: ['f', 'phi'].includes(slip) ? 'sign' : slip, isCredited };
 }
 
