@@ -18,6 +18,7 @@ Spellings = Mapping[str, Sequence[str]]
 MAX_TITLE_LINES, MAX_HEADING_LINE, MAX_COLUMNS = 20, 100_000, 2000
 # First bytes of .xlsx and .ods, of .xls, and of pages that are called .xls.
 WORKBOOKS = (b'PK\x03\x04', b'\xd0\xcf\x11\xe0', b'<')
+_SIGNED_NUMBER = re.compile(r'[+-][0-9]+(?:[.,][0-9]+)?')
 # The last four are the first in the full width of Chinese and Japanese.
 _FORMULA_STARTS = ('=', '+', '-', '@', '\t', '\r', '\n', '\uff1d', '\uff0b', '\uff0d', '\uff20')
 
@@ -42,11 +43,7 @@ class Table(NamedTuple):
 
 
 def read_table(
-    path: str,
-    spellings: Spellings,
-    advice: str,
-    error_type: type[Exception],
-    max_size: int,
+    path: str, spellings: Spellings, error_type: type[Exception], max_size: int
 ) -> Table:
     """
     Return a table with the first column of the spellings and any others.
@@ -56,7 +53,7 @@ def read_table(
     Lines above the headings are left out. The encoding, the delimiter and quotes are those of any
     spreadsheet. A short row lacks its last columns. An error of `error_type` in one line means
     that the file cannot be read, is longer than `max_size` bytes, is no table, or has not that
-    column once; `advice` says what to do then.
+    column once.
     """
     file = printable(path)
     text = decoded_text(path, error_type, max_size)
@@ -73,7 +70,7 @@ def read_table(
             usual = [text for text in spellings[required] if not text.startswith('~')]
             raise error_type(
                 f'{file} has no column {required}, such as {", ".join(usual[:3])}; its columns '
-                f'are {listed(heads, 8)}; {advice}'
+                f'are {listed(heads, 8)}; name it by --column {required}=HEADING'
             )
         for column in columns.values():
             if [*map(plain, heads)].count(plain(heads[column])) > 1:
@@ -110,9 +107,7 @@ def _heading_line(lines: Sequence[str], spellings: Spellings) -> tuple[int, str]
     ranks = {}
     for start, line in enumerate(lines[:MAX_TITLE_LINES]):
         for delimiter in DELIMITERS:
-            heads = next(
-                csv.reader([line[:MAX_HEADING_LINE].replace('\0', '')], delimiter=delimiter), []
-            )
+            heads = next(csv.reader([line[:MAX_HEADING_LINE]], delimiter=delimiter), [])
             columns = _columns(heads, spellings)
             ranks[start, delimiter] = (next(iter(spellings)) in columns, len(columns), len(heads))
     return max(ranks, key=lambda place: ranks[place], default=(0, DELIMITERS[0]))
@@ -133,10 +128,7 @@ def _columns(heads: Sequence[str], spellings: Spellings) -> dict[str, int]:
 
 
 def write_table(
-    rows: Iterable[Iterable[object]],
-    file: BinaryIO,
-    encoding: str = 'utf-8',
-    delimiter: str = ',',
+    rows: Iterable[Iterable[object]], file: BinaryIO, encoding: str = 'utf-8', delimiter: str = ','
 ) -> None:
     """Write rows to an open file, which stays open."""
     text = TextIOWrapper(file, encoding=encoding, errors='replace', newline='')
@@ -147,7 +139,8 @@ def write_table(
 
 def harmless(cell: str) -> str:
     """Return a text that no spreadsheet takes for a formula: with a quote, if need be."""
-    return f"'{cell}" if cell.startswith(_FORMULA_STARTS) else cell
+    is_formula = cell.startswith(_FORMULA_STARTS) and not _SIGNED_NUMBER.fullmatch(cell)
+    return f"'{cell}" if is_formula else cell
 
 
 def _without_quote(cell: str) -> str:

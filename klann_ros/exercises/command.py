@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import partial
 import os
 from pathlib import Path
-from secrets import token_hex
 from typing import Any
 
 from klann_ros.cli import (
@@ -34,7 +33,6 @@ from .gradebook import (
     grades,
     has_answers,
     load_assignment,
-    make_secret,
     read_secret,
     read_students,
     read_tasks,
@@ -83,12 +81,11 @@ def _make(options: argparse.Namespace) -> int:
     _check_platform(options)
     folder = Path(options.output)
     students, notes = read_students(options.students, dict(options.column))
-    is_new_secret = bool(options.secret) and not os.path.lexists(options.secret)
-    secret = token_hex(16) if is_new_secret else read_secret(options.secret)
+    points = read_tasks(options.kind)
+    secret = read_secret(options.secret, is_made=True)
     secret_file = os.path.relpath(options.secret, folder) if secret else ''
     language = options.language or LANGUAGES[0]
     layout = (language, options.title, options.room)
-    points = read_tasks(options.kind)
     assignment = Assignment(points, students, *layout, secret, secret_file)
     files = _files(assignment, options)
     places = [Output('-o', str(folder / name)) for name in files]
@@ -101,10 +98,8 @@ def _make(options: argparse.Namespace) -> int:
     is_filled = has_answers(template.path)
     if is_filled:
         check_same(assignment, folder)
-    if is_new_secret:
-        with output_errors('--secret', options.secret):
-            make_secret(options.secret, secret)
-        notes.append(f'made {printable(options.secret)}: keep it, marking needs it')
+    if secret:
+        notes.append(f'keep {printable(options.secret)}: marking needs it')
     for place, content in zip(places, files.values(), strict=True):
         place.write(content)
     if not is_filled:

@@ -8,6 +8,7 @@ from math import isnan
 import os
 from pathlib import Path
 import re
+from secrets import token_hex
 from statistics import fmean, quantiles
 from typing import BinaryIO, NamedTuple
 
@@ -111,25 +112,28 @@ def with_secret(assignment: Assignment, folder: Path, path: str | None) -> Assig
     return replace(assignment, secret=secret)
 
 
-def read_secret(path: str | None) -> str:
-    """Return the secret in a file, if any; an ExerciseError if it is none, or can be guessed."""
+def read_secret(path: str | None, *, is_made: bool = False) -> str:
+    """
+    Return the secret in a file, if any; a new file is made, which only its owner can read.
+
+    An ExerciseError means that the file is none, or that the secret can be guessed.
+    """
     if not path:
         return ''
     try:
+        if is_made and not os.path.lexists(path):
+            with os.fdopen(
+                os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), 'w'
+            ) as file:
+                file.write(f'{token_hex(16)}\n')
         secret = read_regular(path, MAX_LINE_LENGTH).strip()
     except (OSError, ValueError) as error:
         reason = printable(getattr(error, 'strerror', None) or error)
-        raise ExerciseError(f'the secret {printable(path)} cannot be read: {reason}') from error
+        raise ExerciseError(f'the secret {printable(path)} cannot be used: {reason}') from error
     if len(secret) < MIN_SECRET:
         reason = f'it must have {MIN_SECRET} characters; a new file gets a random one'
         raise ExerciseError(f'the secret {printable(path)} can be guessed: {reason}')
     return secret
-
-
-def make_secret(path: str, secret: str) -> None:
-    """Write a secret to a new file, which only its owner can read."""
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), 'w') as file:
-        file.write(f'{secret}\n')
 
 
 def read_tasks(arguments: Iterable[str]) -> dict[str, float]:
@@ -194,8 +198,7 @@ def _table(path: str, headings: Mapping[str, str]) -> Table:
     for column, heading in headings.items():
         look_up(column, spellings, 'column')
         spellings[column] = [heading]
-    advice = 'name it by --column student=HEADING'
-    return read_table(path, spellings, advice, ExerciseError, MAX_TABLE)
+    return read_table(path, spellings, ExerciseError, MAX_TABLE)
 
 
 def _guesses(table: Table) -> list[str]:
@@ -511,14 +514,7 @@ def class_summary(class_marks: Marks, assignment: Assignment) -> list[str]:
 def _save(
     heads: Sequence[str], lines: Iterable[Sequence[str]], language: str, file: BinaryIO
 ) -> None:
-    cells = [list(map(_cell, line)) for line in lines]
+    cells = [[harmless(printable(cell, MAX_LINE_LENGTH)) for cell in line] for line in lines]
     # With the mark by which spreadsheets know UTF-8; where the comma is decimal, ; separates.
     delimiter = ';' if language == 'pt' else ','
     write_table((heads, *cells), file, encoding='utf-8-sig', delimiter=delimiter)
-
-
-def _cell(text: str) -> str:
-    """Return a cell without control characters; a number with a sign is no formula."""
-    if re.fullmatch(r'[+-]?\d+(?:[.,]\d+)?', text, re.ASCII):
-        return text
-    return harmless(printable(text, MAX_LINE_LENGTH))

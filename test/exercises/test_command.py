@@ -62,7 +62,7 @@ def test_the_template_filled_in_is_marked(students: Path, tmp_path: Path, capsys
     key = make_variant(KINDS['toggle'], '0011').answers
     lines = ['student,kind,question,answer']
     lines += [f'0011,toggle,{name},"{length:.5g} mm"' for name, length in key.items()]
-    lines += ["'=cmd,toggle,Z,x", '0012,toggle,Z,1', '0012,toggle,Y,1', '0012,jump,Z,1']
+    lines += ["'=cmd,toggle,Z,x", '0012,toggle,Z,-1', '0012,toggle,Y,1', '0012,jump,Z,1']
     lines += ['0011,toggle,Z,1', '1.1E+07,toggle,Z,1']
     (tmp_path / 'exercise.json').unlink()
     answers = tmp_path / 'answers.csv'
@@ -81,6 +81,8 @@ def test_the_template_filled_in_is_marked(students: Path, tmp_path: Path, capsys
     marks = read_csv(tmp_path / 'marks.csv')
     assert [line['points'] for line in marks] == ['0', '1', '1'] + ['0'] * 6
     assert "'=cmd" in {line['student'] for line in marks}
+    # A number with a sign is no formula.
+    assert '-1' in {line['answer'] for line in marks}
 
 
 @pytest.mark.parametrize(

@@ -423,7 +423,6 @@ def test_answers_to_other_sheets_are_kept(tmp_path: Path, capsys: Capture) -> No
     secret = str(tmp_path / 'secret.txt')
     tasks = ['--kind', 'toggle', '--kind', 'grashof']
     assert main(['make', *tasks, *place, '--secret', secret]) == 3
-    assert not Path(secret).exists()
     assert (folder / 'sheets.html').read_bytes() == pages
     # More students and other points are the same sheets.
     written(tmp_path, 'student\n0123\n0456\n0789\n')
@@ -437,6 +436,7 @@ def test_a_secret_draws_numbers_that_no_student_number_gives(
 ) -> None:
     path = tmp_path / 'secret.txt'
     folder = make(tmp_path, '--secret', str(path))
+    assert f'keep {path}: marking needs it' in capsys.readouterr().out
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     secret = path.read_text().strip()
     assert len(secret) == 32
@@ -457,7 +457,7 @@ def test_a_secret_draws_numbers_that_no_student_number_gives(
     # Where it has moved to is said; another one marks nothing.
     moved = path.rename(tmp_path / 'moved.txt')
     refusals = {
-        'cannot be read: No such file': [],
+        'cannot be used: No such file': [],
         'not that of the sheets': ['--secret', str(path)],
     }
     assert main(['mark', str(answers), '--secret', str(moved)]) == 0
