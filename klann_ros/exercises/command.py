@@ -129,18 +129,11 @@ def _files(assignment: Assignment, options: argparse.Namespace) -> Files:
 
 def _check_platform(options: argparse.Namespace) -> None:
     """Raise a UsageError for options that are for paper, or need a secret on a platform."""
-    if options.format in PAGES:
-        return
-    is_used = {
-        'points': any(':' in kind for kind in options.kind),
-        '--title': options.title,
-        '--room': options.room,
-        '--steps': options.steps,
-        '--secret': options.secret and options.format != 'moodle',
-    }
-    refused = listed(option for option in is_used if is_used[option])
-    if refused:
-        raise UsageError(f'--format {options.format} takes no {refused}: html and pdf do')
+    names = ['title', 'room', 'steps'] + ['secret'] * (options.format != 'moodle')
+    refused = [f'--{name}' for name in names if getattr(options, name)]
+    refused += ['points'] * (':' in ''.join(options.kind))
+    if refused and options.format in PLATFORMS:
+        raise UsageError(f'--format {options.format} takes no {listed(refused)}: html and pdf do')
 
 
 def _check_parents(name: Path, folder: Path) -> None:
