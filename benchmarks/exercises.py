@@ -17,7 +17,7 @@ import four_bar_equations
 import klann_equations
 from klann_ros.exercises import KINDS, make_variant, mark, Question, Variant
 from klann_ros.exercises.calculation import slip_of
-from klann_ros.exercises.variant import texts
+from klann_ros.exercises.variant import MAX_ANGLE, texts
 from klann_ros.kinematics import FourBarGeometry, KlannGeometry
 import numpy as np
 from support.aims import exit_code, sized
@@ -278,7 +278,8 @@ def _iterate_with_slip(  # noqa: C901, PLR0912 - a student with one of ten slips
         x = x - (step if slip == 'radians' else np.degrees(step))
         if slip == 'rounding':
             x = x.round(digits)
-        if not np.isfinite(x).all():
+        # Nobody hands in an angle of many turns.
+        if not (np.abs(x) < MAX_ANGLE).all():
             return None
         if k == 0:
             answers |= zip([f'{name}_2' for name in names], x.tolist(), strict=True)
