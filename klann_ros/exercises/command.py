@@ -24,27 +24,19 @@ from klann_ros.cli import (
 from klann_ros.sanitize.text import listed, printable
 from klann_ros.web import print_page, PrintError
 
-from .gradebook import (
-    Answers,
-    assignment_content,
+from .answers import Answers, has_answers, read_students
+from .assignment import (
+    Assignment,
     ASSIGNMENT_FILE,
-    check_same,
-    class_summary,
-    grades,
-    has_answers,
     load_assignment,
     read_secret,
-    read_students,
     read_tasks,
-    save_gradebook,
-    save_marks,
-    save_template,
-    summary,
     with_secret,
 )
+from .gradebook import class_summary, grades, save_gradebook, save_marks, save_template
 from .kinds import KINDS
 from .platforms import Files, moodle, notebooks, prairielearn
-from .sheet import answer_text, Assignment, key, sheets, unit_sign, with_unit
+from .sheet import answer_text, key, sheets, unit_sign, with_unit
 from .variant import ExerciseError, LANGUAGES, look_up, make_variant, texts, unit_of, Variant
 
 LINES = number_type(lambda n: 0 <= n <= 200, 'a whole number of lines, 0 to 200', int)
@@ -97,14 +89,14 @@ def _make(options: argparse.Namespace) -> int:
         place.check([options.students, *filter(None, [options.secret])])
     is_filled = has_answers(template.path)
     if is_filled:
-        check_same(assignment, folder)
+        assignment.check_same(folder)
     if secret:
         notes.append(f'keep {printable(options.secret)}: marking needs it')
     for place, content in zip(places, files.values(), strict=True):
         place.write(content)
     if not is_filled:
         template.save(partial(save_template, assignment, options.wide))
-    print('\n'.join([*notes, f'{summary(assignment)}; in {printable(folder)}:']))
+    print('\n'.join([*notes, f'{assignment.summary()}; in {printable(folder)}:']))
     print('\n'.join(f'  {name}' for name in [*files][:10]))
     if len(files) > 10:
         print(f'  ... and {len(files) - 10} more')
@@ -124,7 +116,7 @@ def _files(assignment: Assignment, options: argparse.Namespace) -> Files:
         answer_key = key(assignment, students, has_steps=options.steps)
         for name, page in (('sheets', sheets(assignment, students)), ('key', answer_key)):
             files[f'{name}.{options.format}'] = PAGES[options.format](page.encode())
-    return {**files, ASSIGNMENT_FILE: assignment_content(assignment)}
+    return {**files, ASSIGNMENT_FILE: assignment.content()}
 
 
 def _check_platform(options: argparse.Namespace) -> None:
@@ -154,7 +146,7 @@ def _mark(options: argparse.Namespace) -> int:
     assignment = with_secret(remembered or Assignment(), folder, options.secret)
     assignment = replace(assignment, language=options.language or assignment.language)
     if remembered:
-        print(f'{printable(inputs[1])}: {summary(assignment)}')
+        print(f'{printable(inputs[1])}: {assignment.summary()}')
     answers = Answers(options.answers, assignment, dict(options.column))
     class_marks = answers.marks()
     for note in answers.notes:

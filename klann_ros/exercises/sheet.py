@@ -1,24 +1,19 @@
 """Exercises as printable pages: sheets of a class, their key, and the parts of every format."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache
+from collections.abc import Iterable, Sequence
 from math import floor, log10
 from pathlib import Path
 import re
-from typing import Any
 
 from klann_ros.kinematics import pose_svg
-from klann_ros.sanitize.yaml_text import parse_file
 from klann_ros.web import element, joined, Markup, Parts, scrolling_table, table_row
 import numpy as np
 
+from .assignment import Assignment, localised
 from .calculation import Answer, data, figure_of
-from .kinds import KINDS
-from .variant import make_variant, Question, texts, unit_of, Variant
+from .variant import Question, texts, unit_of, Variant
 
-STATIC = Path(__file__).parent / 'static'
-SHEET_PARTS = Parts(styles=(STATIC / 'sheet.css',), scripts=())
+SHEET_PARTS = Parts(styles=(Path(__file__).parent / 'static' / 'sheet.css',), scripts=())
 # Columns of a table of the key, on paper across.
 MAX_KEY_COLUMNS = 18
 SUBSCRIPT = re.compile(r'_(\([^)]*\)|[A-Za-z0-9α-ω]+(?:,[A-Za-z0-9]+)*)')
@@ -27,53 +22,6 @@ SINE = re.compile(r'\b(a?)sin\b')
 SUBSCRIPTS = str.maketrans('1234', '₁₂₃₄')
 # Rows of a column of givens; rounding errors, in any unit that is printed.
 GIVEN_ROWS, ROUNDING = 9, 1e-9
-
-
-@cache
-def class_texts() -> dict[str, Any]:
-    """Return the headings of class tables, and the words of sheets and gradebooks."""
-    content: dict[str, Any] = parse_file(STATIC / 'class_tables.yaml')
-    return content
-
-
-@dataclass(frozen=True)
-class Assignment:
-    """
-    The tasks of a class: points by kind in their order, names by student number, the title.
-
-    Without points any kind has a point a question; without students any student is marked. The
-    secret's path is relative to the folder of the sheets; `room` is in ruled lines a task.
-    """
-
-    points: Mapping[str, float] = field(default_factory=dict)
-    students: Mapping[str, str] = field(default_factory=dict)
-    language: str = 'en'
-    title: str = ''
-    room: int = 0
-    secret: str = ''
-    secret_file: str = ''
-
-    def variant(self, kind: str, student: str) -> Variant:
-        """Return the task of a student; errors as `make_variant`."""
-        return make_variant(KINDS[kind], student, self.students.get(student, ''), self.secret)
-
-    def variants(self) -> list[list[Variant]]:
-        """Return the tasks of each student."""
-        return [[self.variant(kind, student) for kind in self.points] for student in self.students]
-
-    def points_of(self, kind: str) -> float:
-        """Return the points of a task."""
-        return self.points.get(kind, float(len(KINDS[kind].questions)))
-
-    def word(self, name: str, *numbers: float) -> str:
-        """Return words of the class's tables and sheets, with numbers filled in."""
-        template: str = class_texts()['texts'][name][self.language]
-        return template.format(*[localised(f'{number:.4g}', self.language) for number in numbers])
-
-    def points_text(self, points: float) -> str:
-        """Return points with their noun."""
-        is_single = points == 1.0 or (self.language == 'pt' and points < 2.0)
-        return self.word('point' if is_single else 'points', points)
 
 
 def sheets(assignment: Assignment, students: Iterable[Sequence[Variant]]) -> str:
@@ -253,12 +201,6 @@ def answer_text(variant: Variant, question: Question, answer: Answer, language: 
 def decimals(tolerance: float) -> int:
     """Return the decimals of a number whose last digit is worth a tolerance."""
     return max(0, -floor(log10(tolerance) + 1e-9)) if tolerance else 0
-
-
-def localised(number: str, language: str) -> str:
-    """Return a number with the language's decimal separator and a true minus."""
-    text = number.replace('-', '\N{MINUS SIGN}')
-    return text.replace('.', ',') if language == 'pt' else text
 
 
 def with_unit(number: float, unit: str, language: str) -> str:

@@ -6,8 +6,8 @@ from pathlib import Path
 import re
 
 from klann_ros.exercises import KINDS, make_variant
+from klann_ros.exercises.answers import read_students
 from klann_ros.exercises.command import main
-from klann_ros.exercises.gradebook import read_students
 from klann_ros.exercises.sheet import picture, with_unit
 import pytest
 

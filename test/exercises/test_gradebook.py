@@ -13,15 +13,11 @@ from typing import Any
 
 from browser_page import OpenedPage
 from klann_ros.exercises import ExerciseError, KINDS, make_variant, Variant
+from klann_ros.exercises.answers import Answers, read_students
+from klann_ros.exercises.assignment import Assignment, load_assignment, read_tasks
 from klann_ros.exercises.command import main
-from klann_ros.exercises.gradebook import (
-    Answers,
-    load_assignment,
-    read_students,
-    read_tasks,
-    save_template,
-)
-from klann_ros.exercises.sheet import Assignment, key, question_markup, sheets
+from klann_ros.exercises.gradebook import save_template
+from klann_ros.exercises.sheet import key, question_markup, sheets
 import pytest
 
 Capture = pytest.CaptureFixture[str]

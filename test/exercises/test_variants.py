@@ -3,8 +3,9 @@
 from math import isfinite
 
 from klann_ros.exercises import ExerciseError, KINDS, make_variant
+from klann_ros.exercises.assignment import Assignment
 from klann_ros.exercises.calculation import Calculation, data
-from klann_ros.exercises.sheet import Assignment, key, sheets
+from klann_ros.exercises.sheet import key, sheets
 from klann_ros.exercises.variant import difference, Draw, LANGUAGES, texts
 from klann_ros.kinematics import KinematicsError
 import pytest

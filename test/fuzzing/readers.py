@@ -21,8 +21,8 @@ from klann_ros.datasheet import motor_from_file, MotorFileError
 from klann_ros.design import requirements_from, requirements_from_file, RequirementsError, State
 from klann_ros.design.search import StateError
 from klann_ros.exercises import ExerciseError
-from klann_ros.exercises.gradebook import Answers, load_assignment, read_students
-from klann_ros.exercises.sheet import Assignment
+from klann_ros.exercises.answers import Answers, read_students
+from klann_ros.exercises.assignment import Assignment, load_assignment
 from klann_ros.kinematics import linkage_from_file, LinkageFileError
 from klann_ros.live.protocol import parse_message, ProtocolError
 from klann_ros.log import open_log
