@@ -233,9 +233,9 @@ const LAYERS = {
     const { drawing } = figure;
     const circle = drawing.add('path', 'crank-circle');
     const dead = drawing.add('path', 'dead-arcs');
-    const { structure, pivots, bars } = figure.linkage;
-    const axle = pivots[structure.pivots.indexOf(structure.bodies[0].points[0])];
     const arc = ([from, to]) => {
+      const { structure, pivots, bars } = figure.linkage;
+      const axle = pivots[structure.pivots.indexOf(structure.bodies[0].points[0])];
       const count = Math.max(2, Math.ceil((to - from) / 0.05));
       const at = (k) => structure.senses[0] * (from + ((to - from) * k) / count);
       const points = Array.from({ length: count + 1 }, (_, k) =>
@@ -326,8 +326,8 @@ const LAYERS = {
 
   /** The vectors of each loop: those on the left of the equation, and those on its right. */
   loops: (figure) => {
-    const { drawing, linkage } = figure;
-    const { structure, pivots } = linkage;
+    const { drawing } = figure;
+    const { structure } = figure.linkage;
     const left = drawing.add('path', 'loop-left');
     const right = drawing.add('path', 'loop-right');
     return () => {
@@ -343,7 +343,11 @@ const LAYERS = {
         }
         for (const [place, times] of loop.pivots)
           if (times)
-            lines[times > 0 ? 'left' : 'right'] += arrowLine(drawing, [0, 0], pivots[place]);
+            lines[times > 0 ? 'left' : 'right'] += arrowLine(
+              drawing,
+              [0, 0],
+              figure.linkage.pivots[place],
+            );
       }
       left.setAttribute('d', lines.left);
       right.setAttribute('d', lines.right);
@@ -386,11 +390,13 @@ const LAYERS = {
 
   /** The transmission angle between the two links at each dyad's joint. */
   transmission: (figure) => {
-    const { drawing, linkage } = figure;
+    const { drawing } = figure;
     const arcs = drawing.add('path', 'transmission-arcs');
-    const letters = linkage.blocks.map(() => drawing.add('text', 'letter transmission-letter'));
+    const letters = figure.linkage.blocks.map(() =>
+      drawing.add('text', 'letter transmission-letter'),
+    );
     return () => {
-      const { pose } = figure;
+      const { linkage, pose } = figure;
       const lines = linkage.blocks.map((block, k) => {
         letters[k].textContent = '';
         if (pose.error || !(block.solver instanceof TwoCircles)) return '';

@@ -38,6 +38,7 @@ const VALUES = {
 
   extremes: ({ turn }) => {
     const [{ least, greatest }] = turn.angles;
+    if (least > greatest) return [];
     return [
       [
         translated({ en: 'μ over the turn', pt: 'μ na volta' }),
@@ -69,10 +70,16 @@ const VALUES = {
     return [[translated({ en: 'T for 100 N', pt: 'T para 100 N' }), `${decimals(torque, 2)} N·m`]];
   },
 
-  extent: ({ turn }) => [
-    [translated({ en: 'stride', pt: 'passada' }), lengthText(turn.x.greatest - turn.x.least)],
-    [translated({ en: 'lift', pt: 'elevação' }), lengthText(turn.y.greatest - turn.y.least)],
-  ],
+  extent: ({ turn }) =>
+    turn.x.least > turn.x.greatest
+      ? []
+      : [
+          [
+            translated({ en: 'stride', pt: 'passada' }),
+            lengthText(turn.x.greatest - turn.x.least),
+          ],
+          [translated({ en: 'lift', pt: 'elevação' }), lengthText(turn.y.greatest - turn.y.least)],
+        ],
 
   stance: (figure) => {
     const stance = stanceOf(figure);

@@ -236,6 +236,21 @@ def test_the_class_of_a_four_bar_is_that_of_python(visit: Visit) -> None:
         assert values(box)['Grashof'] == f'{grashof.class_}, {motion}', lengths
 
 
+def test_a_length_that_is_still_dragged_draws_and_one_that_closes_nowhere_says_so(
+    visit: Visit,
+) -> None:
+    opened = visit('examples')
+    box = figure(opened, 'example_four_bar')
+    # Only the end of a drag is a change.
+    box.get_by_label('L₃', exact=True).fill('400')
+    box.get_by_label('L₁', exact=True).fill('270')
+    assert 'NaN' not in box.evaluate('(node) => node.outerHTML')
+    move(box, 'L₄', 40)
+    assert [*values(box)] == ['', 'Grashof', 'crank']
+    assert values(box)[''] == 'It does not close here.'
+    assert opened.complaints == []
+
+
 def test_the_ratio_of_a_quick_return_is_that_of_its_geometry(visit: Visit) -> None:
     box = figure(visit('examples'), 'example_quick_return')
     for crank in (50, 62, 100):
