@@ -13,7 +13,7 @@ from .assignment import Assignment, class_texts
 from .calculation import data
 from .kinds import KINDS
 from .marking import mark, Marks, read_answer
-from .variant import ExerciseError, look_up, Question, texts
+from .variant import ExerciseError, LANGUAGES, look_up, Question
 
 # Largest table [bytes], and students of one.
 MAX_TABLE, MAX_STUDENTS = 20_000_000, 5000
@@ -234,7 +234,7 @@ def _question_spellings(assignment: Assignment) -> dict[str, set[tuple[str, Ques
         # Tasks have numbers on a sheet alone.
         prefixes = ('', kind, str(number)) if assignment.points else ('', kind)
         for question in KINDS[kind].questions:
-            words = texts()['questions'].get(question.name, {}).values()
+            words = [*filter(None, map(question.words, LANGUAGES))]
             symbol = data()['notation']['symbols'].get(question.name, question.name)
             # The sheet prints both, such as 'Z, diagonal from A to O4'.
             labels = [f'{symbol}, {phrase}' for phrase in words]

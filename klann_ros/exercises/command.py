@@ -72,7 +72,7 @@ def _make(options: argparse.Namespace) -> int:
     """Write the sheets of a class, and the table for its answers; return the exit code."""
     _check_platform(options)
     folder = Path(options.output)
-    students, notes = read_students(options.students, dict(options.column))
+    students, notes = read_students(options.students, dict(options.column or ()))
     points = read_tasks(options.kind)
     secret = read_secret(options.secret, is_made=True)
     secret_file = os.path.relpath(options.secret, folder) if secret else ''
@@ -147,7 +147,7 @@ def _mark(options: argparse.Namespace) -> int:
     assignment = replace(assignment, language=options.language or assignment.language)
     if remembered:
         print(f'{printable(inputs[1])}: {assignment.summary()}')
-    answers = Answers(options.answers, assignment, dict(options.column))
+    answers = Answers(options.answers, assignment, dict(options.column or ()))
     class_marks = answers.marks()
     for note in answers.notes:
         print(f'note: {note}')
@@ -210,15 +210,8 @@ def _parser() -> ArgumentParser:
         return added.add_argument
 
     def add_columns() -> None:
-        column = 'the heading of a column, such as student=Codigo; may be repeated'
-        add(
-            '--column',
-            metavar='COLUMN=HEADING',
-            type=_heading,
-            action='append',
-            default=[],
-            help=column,
-        )
+        text = 'the heading of a column, such as student=Codigo; may be repeated'
+        add('--column', metavar='COLUMN=HEADING', type=_heading, action='append', help=text)
 
     def add_secret(text: str) -> None:
         add('--secret', metavar='FILE', type=path, help=text)

@@ -8,10 +8,8 @@ from klann_ros.cli import harmless, write_table
 from klann_ros.sanitize.text import counted, listed, MAX_LINE_LENGTH, printable
 
 from .assignment import Assignment, localised
-from .calculation import data
 from .marking import Marks, statistics
 from .sheet import unit_sign
-from .variant import texts
 
 ANSWER_COLUMNS = ('student', 'kind', 'question', 'answer')
 MARK_COLUMNS = (*ANSWER_COLUMNS, 'points', 'reason')
@@ -31,10 +29,8 @@ def save_template(assignment: Assignment, is_wide: bool, file: BinaryIO) -> None
     if is_wide:
         heads = [assignment.word(name) for name in ('student', 'name')]
         for kind, question in questions:
-            words = texts()['questions'].get(question.name, {}).get(language, '')
-            has_words_alone = question.name in data()['notation']['words'].split()
             sign = unit_sign(question.unit)
-            name = words if has_words_alone else question.name
+            name = question.words(language) if question.is_word else question.name
             heads.append(f'{kind} {name}{sign and f" ({sign})"}')
         blanks = [''] * len(questions)
         rows = [[*student, *blanks] for student in assignment.students.items()]

@@ -175,19 +175,14 @@ def _steps(variant: Variant, language: str) -> Markup:
 
 def question_markup(question: Question, language: str) -> Markup:
     """Return a question's symbol and words."""
-    words = _question_words(question, language)
+    words = rich(question.words(language))
     name = question_symbol(question, language)
     return joined([name, Markup(', '), words]) if words not in ('', name) else name
 
 
 def question_symbol(question: Question, language: str) -> Markup:
     """Return a question's symbol, or the words of one without a symbol."""
-    has_words_alone = question.name in data()['notation']['words'].split()
-    return _question_words(question, language) if has_words_alone else symbol(question.name)
-
-
-def _question_words(question: Question, language: str) -> Markup:
-    return rich(texts()['questions'].get(question.name, {}).get(language, ''))
+    return rich(question.words(language)) if question.is_word else symbol(question.name)
 
 
 def answer_text(variant: Variant, question: Question, answer: Answer, language: str) -> str:

@@ -75,6 +75,15 @@ class Question(NamedTuple):
     choices: tuple[str, ...] = ()
     smallest: float = 0.0
 
+    @property
+    def is_word(self) -> bool:
+        """Return whether it has no symbol."""
+        return self.name in data()['notation']['words'].split()
+
+    def words(self, language: str) -> str:
+        """Return its words, if it has any."""
+        return str(texts()['questions'].get(self.name, {}).get(language, ''))
+
 
 @dataclass(frozen=True, eq=False)
 class Kind:

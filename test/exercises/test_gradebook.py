@@ -162,7 +162,7 @@ FORMS = {
     'Google Forms': 'Carimbo de data/hora;Nº USP;1. Z [cm];1) L₃,S (cm);Questão 1: L_3_F (cm);s_l;'
     '2 p_q;Grashof [classe];2. tipo',
     'Microsoft Forms': 'ID;Student ID;Toggle: Z;Toggle: L_3_S;Toggle: L_3_F;Task 2: s_l;p_q;Class;'
-    'Type',
+    'Type;',
 }
 
 
