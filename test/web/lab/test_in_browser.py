@@ -832,6 +832,14 @@ def test_the_crank_turns_a_parallelogram_through_its_change_points(lab) -> None:
     assert 'Ponto de mudança em 180,0°: coupler, rocker alinhados.' in lab.text('#changes')
 
 
+def test_a_clearance_that_is_rounding_is_none(lab) -> None:
+    lab.page.locator('#linkage').select_option('four_bar')
+    for number, length in enumerate((0.08, 0.18, 0.18, 0.0, 0.0, 0.08)):
+        lab.page.evaluate(f'lab.setNumber({number}, {length})')
+    lab.until("lab.turn?.linkage === lab.linkage && byId('tiles').textContent.includes('Least')")
+    assert 'Least margin0.0 mm' in lab.text('#tiles')
+
+
 def test_beyond_a_change_point_an_edit_keeps_what_is_drawn(lab) -> None:
     lab.load(PARALLELOGRAM)
     lab.page.locator('#alpha').fill('268')
@@ -893,6 +901,9 @@ def test_the_lectures_task_is_done_in_a_click(lab: Opened) -> None:
         assert y == pytest.approx(row['theta4_rate'][0], abs=1e-9)
     lab.page.locator('#curve-legend button', has_text='theta4_rate').click()
     assert lab.page.evaluate('curves.keys') == ['theta3']
+    # A number without a unit.
+    lab.page.locator('#add-curve').select_option('theta4_advantage')
+    assert re.search(r'advantage \(O4B\) = .?[0-9]+\.[0-9]{4} ×$', lab.text('#curve-legend'))
 
 
 def test_a_curve_jumps_only_through_infinity(lab: Opened) -> None:

@@ -248,7 +248,8 @@ class Curves {
     const degrees = this.crankDegrees(alpha);
     const texts = this.keys.map((key) => {
       const { kind, of } = this.of(key);
-      return `${shownQuantity(state ? of(state) : NaN, kind)} ${KINDS[kind][1]}`;
+      const unit = KINDS[kind][1] === '1' ? '' : ` ${KINDS[kind][1]}`;
+      return `${shownQuantity(state ? of(state) : NaN, kind)}${unit}`;
     });
     this.shown?.forEach((node, k) => {
       node.textContent = texts[k];

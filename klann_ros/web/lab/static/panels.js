@@ -174,7 +174,7 @@ function leastMargin(linkage, { pieces }) {
     for (const block of linkage.blocks) {
       const value = block.clearance(pose.u);
       if (value !== null && Number.isFinite(value) && !(best && best[0] <= value))
-        best = [Math.max(0, value), pose.x[0]];
+        best = [value < 1e-12 * linkage.size ? 0 : value, pose.x[0]];
     }
   }
   return best;
