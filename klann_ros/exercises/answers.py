@@ -113,7 +113,8 @@ class Answers:
 
     `refused` are the rows that cannot be used, `notes` what was guessed. A table without columns
     for question and answer has a row a student and a column a question. The last answer to a
-    question counts. An ExerciseError means that the file is unreadable, or no table of answers.
+    question counts; a blank is none. An ExerciseError means that the file is unreadable, or no
+    table of answers.
     """
 
     def __init__(self, path: str, assignment: Assignment, headings: Mapping[str, str]) -> None:
@@ -138,13 +139,16 @@ class Answers:
                 self.refused.append(f'line {line}: {error}')
                 continue
             for column in row_columns:
-                place = (student, column.kind, column.question.name)
-                if place in lines:
+                text = column.answer(cells)
+                name = column.question.name
+                answers = self.texts.setdefault((student, column.kind), {})
+                place = (student, column.kind, name)
+                if text and answers.get(name):
                     places = f'lines {lines[place]} and {line} are both of {printable(student)}'
                     self.notes.append(f'{places}: the last counts')
-                lines[place] = line
-                answers = self.texts.setdefault((student, column.kind), {})
-                answers[column.question.name] = column.answer(cells)
+                if text:
+                    lines[place] = line
+                answers[name] = text or answers.get(name, '')
         self.notes = [*dict.fromkeys(self.notes)]
         if not self.texts and not self.refused:
             raise ExerciseError(f'{printable(path)} has no answers')

@@ -289,7 +289,7 @@ def test_rows_of_a_form_that_are_guessed_doubled_or_unknown_are_named(
     tmp_path: Path, capsys: Capture
 ) -> None:
     folder = make(tmp_path)
-    student_rows = ['NUSP 123,1', '0123,2', '0457,3', ',4']
+    student_rows = ['NUSP 123,1', '0123,2', '0457,3', ',4', '0123,']
     path = written(tmp_path, '\n'.join(['NUSP,Z', *student_rows]), name='form.csv')
     capsys.readouterr()
     assert main(['mark', path, '--folder', str(folder)]) == 1
