@@ -241,13 +241,16 @@ def test_a_length_that_is_still_dragged_draws_and_one_that_closes_nowhere_says_s
 ) -> None:
     opened = visit('examples')
     box = figure(opened, 'example_four_bar')
-    # Only the end of a drag is a change.
-    box.get_by_label('L₃', exact=True).fill('400')
-    box.get_by_label('L₁', exact=True).fill('270')
-    assert 'NaN' not in box.evaluate('(node) => node.outerHTML')
+    move(box, 'Crank angle', 144)
     move(box, 'L₄', 40)
-    assert [*values(box)] == ['', 'Grashof', 'crank']
     assert values(box)[''] == 'It does not close here.'
+    # Only the end of a drag is a change.
+    box.get_by_label('L₃', exact=True).fill('250')
+    assert 'μ' in values(box)
+    assert 'NaN' not in box.evaluate('(node) => node.outerHTML')
+    move(box, 'L₁', 400)
+    move(box, 'L₂', 40)
+    assert [*values(box)] == ['', 'Grashof', 'crank']
     assert opened.complaints == []
 
 
