@@ -115,7 +115,8 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
     proven = set()
     for mistake, weight in weights.items():
         changed = numbers & {*variant.mistaken[mistake]}
-        if weight >= 2 and 2 * weight > len(changed):
+        is_most = weight >= 2 and 2 * weight > len(changed)
+        if is_most or _changes_only_a_count(variant, mistake):
             proven.add(mistake)
     marks: list[Mark] = []
     for question in questions:
@@ -161,9 +162,14 @@ def explain(
         slip = ROUNDING
     is_far = bool(size) and gap >= CLOSE * size
     if question.unit == 'count':
-        # A count is easily a mistake's by chance, unless that changes nothing else.
-        is_far = [*variant.mistaken.get(mistake, ())] == [question.name]
+        is_far = _changes_only_a_count(variant, mistake)
     return slip, credit_of(slip) if is_proven or is_rounded or is_far else 0.0
+
+
+def _changes_only_a_count(variant: Variant, mistake: str) -> bool:
+    """Return whether a mistake shows in a count alone: else a count is one by chance."""
+    changed = variant.mistaken.get(mistake, {})
+    return [q.unit for q in variant.kind.questions if q.name in changed] == ['count']
 
 
 def _fitting(variant: Variant, question: Question, answer: Answer) -> dict[str, int]:

@@ -52,7 +52,8 @@ function markAnswers(exercise, answers) {
     const changed = kind.questions.filter(
       (each) => isQuantity(each) && each.name in exercise.mistaken.get(mistake),
     );
-    return weights[mistake] > 1 && 2 * weights[mistake] > changed.length;
+    const isMost = weights[mistake] > 1 && 2 * weights[mistake] > changed.length;
+    return isMost || changesOnlyACount(exercise, mistake);
   };
   const proven = new Set(Object.keys(weights).filter(isProven));
   const marks = kind.questions.map((each) => {
@@ -84,6 +85,13 @@ function markAnswers(exercise, answers) {
   });
 }
 
+/** Return whether a mistake shows in a count alone: else a count is one by chance. */
+function changesOnlyACount({ kind, mistaken }, mistake) {
+  const changed = mistaken.get(mistake) ?? {};
+  const units = kind.questions.filter(({ name }) => name in changed).map(({ unit }) => unit);
+  return units.length === 1 && units[0] === 'count';
+}
+
 /** Return the slip that explains a wrong answer, and whether it has points. */
 function explainedBy(exercise, question, answer, mistake, isProven) {
   const right = exercise.answers[question.name];
@@ -100,11 +108,9 @@ function explainedBy(exercise, question, answer, mistake, isProven) {
       gap <= (ROUNDING_REACH * Math.hypot(...errors)) / Math.sqrt(errors.length || 1);
   }
   const slip = name === 'wrong' && isRounded ? 'rounding' : name;
-  const changed = Object.keys(exercise.mistaken.get(mistake) ?? {});
-  // A count is easily a mistake's by chance, unless that changes nothing else.
   const isFar =
     question.unit === 'count'
-      ? changed.length === 1 && changed[0] === question.name
+      ? changesOnlyACount(exercise, mistake)
       : size > 0 && gap >= CLOSE * size;
   const isCredited = isProven || isRounded || isFar;
   return { slip: ['f', 'phi'].includes(slip) ? 'sign' : slip, isCredited };
