@@ -91,7 +91,7 @@ def _number(cells: Mapping[str, str]) -> str:
 
 
 class QuestionColumn(NamedTuple):
-    """A column with answers to a question, and the unit in its heading."""
+    """A column with answers to a question, and its heading's unit if that is another one."""
 
     heading: str
     kind: str
@@ -99,12 +99,11 @@ class QuestionColumn(NamedTuple):
     unit: str = ''
 
     def answer(self, cells: Mapping[str, str]) -> str:
-        """Return the answer in a row, with the heading's unit if that makes it another one."""
+        """Return the answer in a row, with the heading's unit unless it has one of its own."""
         text = cells.get(self.heading, '').strip()
         with_unit = f'{text} {self.unit}'
         amount = read_answer(with_unit, self.question) if self.unit else None
-        is_number = isinstance(amount, float) and not isnan(amount)
-        return with_unit if is_number and amount != read_answer(text, self.question) else text
+        return with_unit if isinstance(amount, float) and not isnan(amount) else text
 
 
 class Answers:
@@ -174,7 +173,12 @@ class Answers:
         if len(matches) > 1:
             kinds = listed(sorted(kind for kind, _ in matches), 3)
             raise ExerciseError(f'put the kind before {printable(heading, 60)}: {kinds}')
-        return next((QuestionColumn(heading, *match, unit) for match in matches), None)
+        if not matches:
+            return None
+        ((kind, question),) = matches
+        if unit and read_answer(f'1 {unit}', question) in (1.0, None):
+            unit = ''
+        return QuestionColumn(heading, kind, question, unit)
 
     def _column_of_row(self, cells: Mapping[str, str]) -> QuestionColumn:
         """Return the question of a row of one answer."""
