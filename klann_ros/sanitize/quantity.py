@@ -22,19 +22,21 @@ def read_quantity(text: str, unit: str) -> float | None:
     Return a quantity as a number in a unit; None where it is none, NaN of another dimension.
 
     A number alone is in the unit. A decimal comma, grouped thousands, a true minus, a fraction, a
-    power of ten, minutes of arc, and a symbol with an equals sign before it are legal. A unit is a
-    product of names with prefixes and powers. An angle in rad is a number, as in SI.
+    multiple of π, a power of ten, minutes of arc, and a symbol with an equals sign before it are
+    legal. A unit is a product of names with prefixes and powers. An angle in rad is a number, as
+    in SI.
     """
     patterns = unit_table()['patterns']
     plain = tidy(text) if len(text) <= 4 * MAX_QUANTITY else ''
     match = re.fullmatch(patterns['quantity'], re.sub(patterns['arc'], _degrees, plain))
     if len(plain) > MAX_QUANTITY or not match:
         return None
-    sign, digits, denominator, exponent, name = match.groups()
+    sign, digits, pi, denominator, exponent, name = match.groups(default='')
+    name = f'{pi} {name}'.strip()
     if groups := re.fullmatch(patterns['grouped'], digits):
         digits = re.sub('[., ]', '', groups[1]) + (groups[3] or '')
     try:
-        number = float(f'{sign}{digits.replace(",", ".")}e{exponent or 0}')
+        number = float(f'{sign}{digits.replace(",", ".") or 1}e{exponent or 0}')
         number /= float(denominator or 1)
     except (ValueError, ZeroDivisionError):
         return None

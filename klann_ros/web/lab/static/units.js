@@ -12,10 +12,11 @@ function readQuantity(table, text, unit) {
   const plain = text.length <= 4 * MAX_QUANTITY ? tidyText(table, text) : '';
   const found = wholeMatch(quantity, plain.replace(new RegExp(arc, 'g'), inDegrees));
   if ([...plain].length > MAX_QUANTITY || !found) return null;
-  const [, sign, number, denominator = 1, exponent = 0, name] = found;
+  const [, sign, number, pi = '', denominator = 1, exponent = 0, unitName] = found;
+  const name = `${pi} ${unitName}`.trim();
   const [, whole, , part = ''] = wholeMatch(grouped, number) ?? [];
   const digits = whole ? whole.replace(/[., ]/g, '') + part : number;
-  const value = Number(`${sign}${digits.replaceAll(',', '.')}e${exponent}`) / denominator;
+  const value = Number(`${sign}${digits.replaceAll(',', '.') || 1}e${exponent}`) / denominator;
   const factor = name ? conversionFactor(table, name, unit) : 1;
   const isNumber = factor !== null && Number.isFinite(value);
   return isNumber && Math.abs(value * factor) !== Infinity ? value * factor : null;
