@@ -153,19 +153,24 @@ def _alternatives(variant: Variant, question: Question, language: str) -> list[A
     alternatives = [
         Alternative('100', f'{number:.{places}f}', f'{tolerance:g}') for number in numbers
     ]
+    right_texts = {alternative.value for alternative in alternatives}
+    slips: dict[str, tuple[float, Alternative]] = {}
     for mistake, wrong_answers in variant.mistaken.items():
         wrong = wrong_answers.get(question.name)
         if wrong is None or isinstance(wrong, str) or abs(wrong) >= 1e12:
             continue
         tolerance = variant.tolerance(question, wrong)
         text = f'{wrong:.{decimals(tolerance) + 2}f}'
-        is_new = text not in {alternative.value for alternative in alternatives}
-        if len(alternatives) < MAX_ALTERNATIVES and is_new:
-            slip, points = explain(variant, question, wrong, mistake)
-            percent = f'{100.0 * points:.0f}'
+        slip, points = explain(variant, question, wrong, mistake)
+        # Of mistakes with the same answer the first of those with most points.
+        if text not in right_texts and (text not in slips or points > slips[text][0]):
             words = Mark(question.name, text, points, slip).reason(language)
-            alternatives.append(Alternative(percent, text, f'{tolerance:g}', words))
-    return alternatives
+            slips[text] = (
+                points,
+                Alternative(f'{100.0 * points:.0f}', text, f'{tolerance:g}', words),
+            )
+    alternatives += [alternative for _, alternative in slips.values()]
+    return alternatives[:MAX_ALTERNATIVES]
 
 
 def cloze_field(answers: Sequence[Alternative]) -> str:
