@@ -542,6 +542,18 @@ def test_a_jam_is_explained_with_its_gap(lab: Opened) -> None:
     assert lab.page.locator('.reach').get_attribute('d').count('Z') == 2
 
 
+def test_the_circles_of_a_jam_are_around_the_ends_of_the_dyad(lab: Opened) -> None:
+    # Its loop passes this dyad from F to P and Q, not from P to Q.
+    lab.page.evaluate("lab.choose('walker_six_bar')")
+    ends = lab.page.evaluate("""() => {
+      const { points } = lab.linkage.structure;
+      return ['P', 'Q'].map((name) => lab.pose.points[points.indexOf(name)]);
+    }""")
+    lab.page.evaluate('lab.setNumber(7, 0.02)')
+    centres = lab.page.evaluate('scene.jamCircles().map(([centre]) => centre)')
+    np.testing.assert_allclose(centres, ends, rtol=0.0, atol=1e-12)
+
+
 def test_another_assembly_is_taken_by_a_button(lab: Opened) -> None:
     lab.page.locator('#assemblies button', has_text='[+ \N{MINUS SIGN}]').click()
     assert lab.page.evaluate('lab.linkage.signs') == [1, -1]

@@ -96,12 +96,8 @@ class Scene {
     const { blocks, structure, pointRows } = this.lab.linkage;
     const dyad = error && error.u ? blocks[error.block - 1] : null;
     if (!dyad || !(dyad.solver instanceof TwoCircles)) return [];
-    const p = vectorSum(pointRows[structure.points.indexOf(error.names[0])], error.u);
-    const [r, s] = dyad.solver.radii;
-    return [
-      [p, r],
-      [C.add(p, dyad.closure(error.u)), s],
-    ];
+    const ends = error.names.slice(0, 2).map((name) => pointRows[structure.points.indexOf(name)]);
+    return ends.map((row, k) => [vectorSum(row, error.u), dyad.solver.radii[k]]);
   }
 
   addGrips() {
