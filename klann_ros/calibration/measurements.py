@@ -13,6 +13,8 @@ import numpy as np
 from .crank import CrankSpline
 
 Kind: TypeAlias = Literal['point', 'angle', 'distance']
+# Smallest number that is no measurement [s, rad, m]: squares of those below can be summed.
+MAX_NUMBER = 1e20
 
 
 class MeasurementError(ValueError):
@@ -186,7 +188,8 @@ def scaled(series: MeasuredSeries, scale: float) -> MeasuredSeries:
 
 
 def _cleaned(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return finite samples in the order of time; of a repeated stamp the first."""
-    finite = np.isfinite(times) & np.isfinite(values).all(axis=1)
-    stamps, first = np.unique(times[finite], return_index=True)
-    return stamps, values[finite][first]
+    """Return possible samples in the order of time; of a repeated stamp the first."""
+    # Not where one is NaN.
+    is_possible = (np.abs(times) < MAX_NUMBER) & (np.abs(values) < MAX_NUMBER).all(axis=1)
+    stamps, first = np.unique(times[is_possible], return_index=True)
+    return stamps, values[is_possible][first]

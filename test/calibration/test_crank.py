@@ -2,6 +2,7 @@
 
 import math
 
+from klann_ros.calibration import CrankSamples
 from klann_ros.calibration.crank import CrankSpline, CrankWhitening
 import numpy as np
 import pytest
@@ -116,3 +117,11 @@ def test_variances_are_those_of_the_dense_covariance() -> None:
     times = np.linspace(0.0, 2.9, 200)
     expected = np.diag(covariance(motion, times)).mean()
     assert motion.variances(times).mean() == pytest.approx(expected, rel=0.2)
+
+
+def test_samples_that_are_no_measurements_are_left_out() -> None:
+    times = np.array([0.0, 0.1, 0.2, 0.3, 1e308])
+    positions = np.array([0.0, 1e308, np.nan, 0.3, 0.4])
+    samples = CrankSamples.of(times, positions)
+    assert samples.times.tolist() == [0.0, 0.3]
+    assert samples.positions.tolist() == [0.0, 0.3]
