@@ -257,6 +257,8 @@ def _leg_sheet(options: _SheetOptions, legs: Sequence[RobotLeg]) -> LegSheet:
     sheet = LegSheet(
         names=tuple(equal_leg.name for equal_leg in legs),
         linkage=linkage,
+        # A load stands on a foot, and so does a walker.
+        has_foot=leg.has_foot or bool(load) or options.robot.is_walker,
         bars=bars,
         no_margins=no_margins,
         turns_fully=turns,

@@ -116,16 +116,25 @@ def near_miss_texts(leg: LegSheet) -> Iterator[str]:
         )
 
 
+def point_title(leg: LegSheet) -> str:
+    """Return the name of the published point: as a foot, a point of a coupler, or neither."""
+    structure = leg.linkage.structure
+    kind = 'point' if all(structure.foot_guides) else 'coupler point'
+    return f'{"foot" if leg.has_foot else kind} {structure.foot}'
+
+
 def foot_figures(leg: LegSheet, speed: float) -> Iterator[Figure]:
     """Yield the figures of a foot while the crank turns at a speed [rad/s]."""
     path = leg.path
-    stance = leg.stance
+    stance = leg.shown_stance
     if path is not None:
         # Rounding counts as 0.
         stride = _zero(path.stride, path.length)
         lift = _zero(path.lift, path.length)
-        yield Figure('Stride', mm_text(stride), 'mm', _range('x', *path.x_range))
-        yield Figure('Lift', mm_text(lift), 'mm', _range('y', *path.y_range))
+        width = 'Stride' if leg.has_foot else 'Width of the path'
+        height = 'Lift' if leg.has_foot else 'Height of the path'
+        yield Figure(width, mm_text(stride), 'mm', _range('x', *path.x_range))
+        yield Figure(height, mm_text(lift), 'mm', _range('y', *path.y_range))
         yield Figure('Path', mm_text(path.length), 'mm', 'its length')
     if stance is None:
         return
@@ -207,7 +216,9 @@ def mass_table(leg: LegSheet, masses: Masses) -> FigureTable:
         place = mm_text(centre.real), mm_text(centre.imag)
         lines.append((label, number_text(mass), *place, number_text(inertia)))
     heads = ('Body', 'Mass / kg', 'Centre x / mm', 'y / mm', 'Inertia / kg m²')
-    total = f'{number_text(masses.total)} kg a leg, {masses.origin}'
+    total = (
+        f'{number_text(masses.total)} kg {"a leg" if leg.has_foot else "in all"}, {masses.origin}'
+    )
     note = f'{total}. The centre is from the first point of the body.'
     return FigureTable('Masses', heads, tuple(lines), note)
 

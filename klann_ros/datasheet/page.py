@@ -36,7 +36,7 @@ def page(sheet: DataSheet) -> str:
     cranks = []
     if not sheet.is_single:
         cranks = [_crank_section(crank, sheet) for crank in sheet.cranks if crank.hardest]
-    no_scripts = 'The leg is drawn by scripts, which are switched off here.'
+    no_scripts = 'The linkage is drawn by scripts, which are switched off here.'
     return PAGE_PARTS.page(
         f'Data sheet of {sheet.name}',
         _header(sheet),
@@ -60,8 +60,8 @@ def _animation(leg: LegSheet, speed: float) -> dict[str, Any]:
         frames = np.unique(np.searchsorted(leg.alphas, uniform) % len(leg.alphas))
     frames = frames[is_solved[frames]]
     stands = np.zeros(is_solved.shape, bool)
-    if leg.stance:
-        stands = on_the_ground(leg.stance, leg.alphas)
+    if leg.shown_stance:
+        stands = on_the_ground(leg.shown_stance, leg.alphas)
     shape = leg_shape(leg.linkage)
     for point in shape['points']:
         point['name'] = printable(point['name'], 12)
@@ -116,7 +116,7 @@ def _leg_section(sheet: DataSheet, leg: LegSheet, index: int) -> Markup:
         'section',
         element('h2', title),
         element('dl', *map(_tile, figures.foot_figures(leg, sheet.speed)), class_='tiles'),
-        _remark(leg.no_stance),
+        _remark(leg.no_stance if leg.has_foot else ''),
         _remark(_about(leg)),
         element(
             'div',
@@ -149,8 +149,8 @@ def _tile(figure: Figure) -> Markup:
 
 
 def _drawing(leg: LegSheet, index: int) -> Markup:
-    foot = leg.linkage.structure.foot
-    text = f'The leg, and the path of its foot {foot}; thick where it is on the ground.'
+    text = f'The linkage, and the path of its {figures.point_title(leg)}'
+    text += '; thick where it is on the ground.' if leg.has_foot else '.'
     scale = {'type': 'range', 'min': '0', 'max': '1', 'step': 'any', 'value': '0'}
     controls = element(
         'div',
@@ -192,7 +192,8 @@ def _leg_charts(leg: LegSheet) -> Iterator[Chart]:
 
 
 def _spans(leg: LegSheet) -> list[tuple[float, float]]:
-    return [(leg.stance.start, leg.stance.end)] if leg.stance else []
+    stance = leg.shown_stance
+    return [(stance.start, stance.end)] if stance else []
 
 
 def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> Iterator[Chart]:
@@ -219,7 +220,7 @@ def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> 
 
     text = 'The torque for a constant speed, counter-clockwise positive.'
     yield chart('Torque at the crank', 'N m', lines=lines('torque'), text=text, limits=limits)
-    text = 'Negative where the leg drives the motor.'
+    text = 'Negative where the linkage drives the motor.'
     yield chart('Power at the crank', 'W', lines=lines('power'), text=text)
 
 

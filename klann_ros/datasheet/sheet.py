@@ -102,6 +102,8 @@ class LegSheet:
         Their names; '' for the only, unnamed one.
     linkage : Linkage
         The linkage.
+    has_foot : bool
+        Whether its published point is a foot, whose stance is shown.
     bars : tuple of BarFigures
         Its dimensions.
     no_margins : str
@@ -132,6 +134,7 @@ class LegSheet:
 
     names: tuple[str, ...]
     linkage: Linkage
+    has_foot: bool
     bars: tuple[BarFigures, ...]
     no_margins: str
     turns_fully: bool
@@ -145,6 +148,11 @@ class LegSheet:
     masses: Masses | None
     empty: LegForces | None
     loaded: LegForces | None
+
+    @property
+    def shown_stance(self) -> Stance | None:
+        """Return the stance of a foot; None for a point that is no foot."""
+        return self.stance if self.has_foot else None
 
     @property
     def title(self) -> str:

@@ -58,9 +58,10 @@ def _leg_lines(leg: LegSheet, sheet: DataSheet) -> Iterator[str]:
     if linkage.change_points:
         yield from _table_lines(figures.change_point_table(leg))
     yield from _table_lines(figures.bar_table(leg))
-    yield from _heading(f'Foot {linkage.structure.foot}')
+    title = figures.point_title(leg)
+    yield from _heading(f'{title[:1].upper()}{title[1:]}')
     yield from _figure_lines(figures.foot_figures(leg, sheet.speed))
-    if leg.no_stance:
+    if leg.no_stance and leg.has_foot:
         yield f'  {printable_line(leg.no_stance)}.'
     yield from _table_lines(figures.transmission_table(leg))
     if leg.masses:

@@ -6,6 +6,7 @@ from math import cos, pi, sin
 from klann_ros.dynamics import Dynamics, GRAVITY, MassError, Masses, with_rods
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.sanitize.yaml_text import parse
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -110,6 +111,12 @@ class RobotLeg:
     description: str = ''
     linkage_file: str = ''
     drive: CrankDrive = CrankDrive()
+
+    @property
+    def has_foot(self) -> bool:
+        """Return whether its point is a foot: without its file's word, if no body guides it."""
+        content = parse(self.description) if self.description else {}
+        return bool(content.get('leg', not any(self.linkage.structure.foot_guides)))
 
     @property
     def encoder_direction(self) -> float:

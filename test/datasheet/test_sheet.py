@@ -12,6 +12,7 @@ from klann_ros.datasheet.figures import joint_force_table
 from klann_ros.datasheet.json_report import report
 from klann_ros.datasheet.page import _leg_charts, page
 from klann_ros.datasheet.sheet import cases
+from klann_ros.datasheet.text import sheet_text
 from klann_ros.gait import walk_figures
 from klann_ros.kinematics import foot_path, KlannGeometry, KlannLeg, length_margins, linkage_poses
 from klann_ros.robot import Robot, robot_from_file, robot_from_parameters, robot_of
@@ -331,6 +332,29 @@ def test_a_foot_without_a_stance_is_reported_and_carries_no_load(tmp_path: Path)
     assert 'there is no stance' in leg.no_stance
     with pytest.raises(SheetError, match='a load on the foot has nowhere to be: there is no'):
         data_sheet(robot, load=1.0, samples=60)
+
+
+@pytest.mark.parametrize(
+    ('name', 'load', 'title'),
+    [
+        ('klann', 0.0, 'Foot H'),
+        ('four_bar', 0.0, 'Coupler point B'),
+        ('scotch_yoke', 0.0, 'Point E'),
+        # What a load stands on is a foot.
+        ('four_bar', 5.0, 'Foot B'),
+    ],
+)
+def test_feet_strides_and_stances_are_of_legs(name: str, load: float, title: str) -> None:
+    robot = replace(weighed(robot_of(name)), source='')
+    full = data_sheet(robot, load=load, samples=60)
+    markup = re.sub(r'<(script|style)\b.*?</\1>', '', page(full), flags=re.DOTALL)
+    words = re.compile(r'\b(foot|leg|stride|lift|stance|ground|off straight)\b', re.IGNORECASE)
+    text = sheet_text(full)
+    assert f'\n{title}\n' in text
+    for spoken in (text, re.sub('<[^>]*>', ' ', markup)):
+        assert bool(words.search(spoken)) == title.startswith('Foot')
+        assert ('Width of the path' in spoken) != title.startswith('Foot')
+    assert json.loads(report(full))['legs'][0]['stance']
 
 
 def test_margins_of_coupled_loops_are_computed_on_request() -> None:

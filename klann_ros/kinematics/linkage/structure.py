@@ -238,6 +238,15 @@ class Structure:
                 owners[point] += (j,)
         return owners
 
+    @property
+    def foot_guides(self) -> tuple[bool, ...]:
+        """Return of each body with the foot if it turns about a pivot or slides on the ground."""
+        guides = []
+        for j in self.owners[self.foot]:
+            turns = not set(self.pivots).isdisjoint(self.bodies[j].points)
+            guides.append(turns or self.along[j] == FIXED)
+        return tuple(guides)
+
     def first_owner(self, point: str) -> int:
         """Return the first of the bodies that have a point."""
         owners = self.owners[point]

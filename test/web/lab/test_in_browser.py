@@ -20,7 +20,7 @@ from klann_ros.kinematics import (
     UnreachableError,
 )
 from klann_ros.kinematics.linkage.file import linkage_from_text, SHIPPED
-from klann_ros.robot import robot_of
+from klann_ros.robot import robot_from_text, robot_of
 from klann_ros.sanitize.yaml_text import parse
 from klann_ros.web.lab.build import LAB_FILE
 import numpy as np
@@ -512,6 +512,10 @@ def test_feet_strides_and_lifts_are_of_legs(lab: Opened, language: str) -> None:
         lab.load(text.replace('leg: false\n', ''))
         decided = lab.page.evaluate('isLeg(lab.linkage.structure, lab.content)')
         assert decided == (is_leg or name in COUPLER_POINTS), name
+        # `describe` decides alike, with the file's word and without it.
+        assert robot_of(name).legs[0].has_foot == is_leg, name
+        unsaid = robot_from_text(text.replace('leg: false\n', ''), name)
+        assert unsaid.legs[0].has_foot == decided, name
     lab.load(TEXT.replace('foot: H', 'foot: H\nleg: false'))
     lab.until('lab.turn && lab.turn.linkage === lab.linkage')
     assert 'leg: false' in lab.page.evaluate('textToSave(false)')
