@@ -192,6 +192,24 @@ def test_a_step_is_shown_in_the_drawing(visit: Any) -> None:
     assert 'Key: ' in opened.page.locator('.practice-key').first.text_content()
 
 
+def test_axe_finds_no_barrier_in_a_solved_exercise(visit: Any) -> None:
+    opened = visit('#practice=grashof&seed=5&lang=pt', color_scheme='light')
+    opened.page.evaluate('lab.practice.mark(); lab.practice.solve()')
+    assert opened.barriers() == []
+
+
+def test_paper_has_the_answers_and_no_controls(visit: Any) -> None:
+    opened = visit('#practice=newton&seed=5&lang=en')
+    opened.page.evaluate('lab.practice.solve()')
+    opened.page.emulate_media(media='print')
+    assert opened.page.locator('#practice .bar button:visible').count() == 0
+    shown = opened.page.locator('#practice :is(input, .practice-key, .practice-steps button)')
+    whole = ':is(.practice-row, .practice-steps li, .practice-figure)'
+    style = '(nodes) => nodes.map((node) => getComputedStyle(node).breakInside)'
+    assert shown.locator('visible=false').count() == 0
+    assert set(opened.page.locator(whole).evaluate_all(style)) == {'avoid'}
+
+
 def test_what_was_typed_outlives_the_language_and_the_lab_comes_back(visit: Any) -> None:
     opened = visit('#practice=toggle&seed=5&lang=en')
     opened.page.locator('#practice-Z').fill('123.4')

@@ -52,7 +52,7 @@ class Practice {
     const lines = [task, texts.notes[kind.own.note]?.[language.now] ?? ''].join('\n');
     for (const line of lines.split('\n')) text.append(...rich(line), made('br'));
     const note = made('p', 'quiet', texts.sheet.degrees[language.now]);
-    this.solution = made('ol', 'practice-steps');
+    this.solution = made('div', 'practice-steps');
     const grid = made('div', 'practice-grid');
     const work = made('div');
     work.append(given, this.form(), this.solution);
@@ -221,7 +221,9 @@ class Practice {
       item.append(step);
       return item;
     });
-    this.solution.replaceChildren(made('h3', '', texts.sheet.solution[language.now]), ...items);
+    const list = made('ol');
+    list.append(...items);
+    this.solution.replaceChildren(made('h3', '', texts.sheet.solution[language.now]), list);
     for (const { question, mark, node } of this.rows) {
       const answer = answerText(this.exercise, question, this.exercise.answers[question.name]);
       node.querySelector('.practice-key')?.remove();
