@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from . import validation
 from .angles import wrap
-from .batch.poses import linkage_poses
 from .batch.results import LinkagePoses
 from .errors import GeometryError
 from .linkage.assemblies import assemblies
@@ -284,6 +283,9 @@ def klann_poses(geometries: Any, alphas: ArrayLike, **options: Any) -> LinkagePo
     ((1000000, 2), 0)
 
     """
+    # The bulk solver is not loaded where a leg is solved pose by pose.
+    from .batch.poses import linkage_poses  # noqa: PLC0415
+
     if isinstance(geometries, KlannGeometry):
         return linkage_poses(geometries, alphas, **options)
     legs = list(geometries) if isinstance(geometries, Iterable) else [geometries]

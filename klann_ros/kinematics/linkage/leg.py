@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from functools import cache, partial
 from math import ceil, hypot, inf, isnan, remainder
 from sys import float_info
-from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
+from typing import Any, ClassVar, Generic, TYPE_CHECKING, TypeAlias, TypeVar
 
 from klann_ros.kinematics import errors, validation
 from klann_ros.kinematics.angles import Arc, crank_angle, MAX_CRANK_ANGLE, TURN
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.results import LinkagePoses
-from klann_ros.kinematics.batch.tables import leg_table, LegTable
 from klann_ros.kinematics.newton import Iterations, newton_raphson
 from klann_ros.kinematics.svg import leg_svg
 from klann_ros.sanitize.text import listed, refusal
@@ -23,6 +22,9 @@ from .linkage import Linkage
 from .pose import initial_guess, LinkageMotion, LinkagePose, path_pose
 from .reach import path_arcs, reachable_arcs
 from .step import step_functions
+
+if TYPE_CHECKING:
+    from klann_ros.kinematics.batch.tables import LegTable
 
 # Below this part of |dH/dalpha| the component along a direction is rounding.
 MIN_COMPONENT_RATIO = 8.0 * float_info.epsilon
@@ -274,7 +276,7 @@ class Leg(Generic[PoseT, MotionT]):
         """
         return reachable_arcs(self._linkage)
 
-    def table(self, alphas: ArrayLike, crank_rate: float | None = None) -> LegTable:
+    def table(self, alphas: ArrayLike, crank_rate: float | None = None) -> 'LegTable':
         """
         Return the quantities of the leg at many crank angles; `print` shows them.
 
@@ -306,6 +308,9 @@ class Leg(Generic[PoseT, MotionT]):
         ([0.0491, 0.186], [-0.0691, -0.3883])
 
         """
+        # The bulk solver is not loaded where a leg is solved pose by pose.
+        from klann_ros.kinematics.batch.tables import leg_table  # noqa: PLC0415
+
         return leg_table(self, alphas, crank_rate)
 
     def velocity(self, pose: PoseT, alpha_rate: float) -> MotionT:
