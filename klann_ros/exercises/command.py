@@ -173,7 +173,7 @@ def _key(options: argparse.Namespace) -> int:
         print(f'{step.symbol} = {with_unit(step.value, step.unit, language)}    {step.formula}')
     print()
     for question in variant.kind.questions:
-        answer = answer_text(variant, question, variant.answers[question.name], language)
+        answer = answer_text(variant, question, language)
         print(f'{question.name} = {answer} {unit_sign(question.unit)}'.rstrip())
     return 0
 

@@ -10,7 +10,7 @@ from klann_ros.web import element, joined, Markup, Parts, scrolling_table, table
 import numpy as np
 
 from .assignment import Assignment, localised
-from .calculation import Answer, data, figure_of
+from .calculation import data, figure_of
 from .variant import Question, texts, unit_of, Variant
 
 SHEET_PARTS = Parts(styles=(Path(__file__).parent / 'static' / 'sheet.css',), scripts=())
@@ -68,7 +68,9 @@ def key(assignment: Assignment, students: Sequence[Sequence[Variant]], *, has_st
                 name = question_symbol(question, language)
                 heads.append(joined([f'{task + 1}. ', name, element('br'), unit]))
             for row, variants in zip(rows, students, strict=True):
-                row.extend(_answer_texts(variants[task], language))
+                variant = variants[task]
+                for question in variant.kind.questions:
+                    row.append(answer_text(variant, question, language))
         table = scrolling_table(f'{title} {tasks[0] + 1}', heads, rows)
         sections.append(element('section', *content, table, class_='key'))
     for variants in students if has_steps else ():
@@ -127,10 +129,8 @@ def problem(variant: Variant, language: str, *, has_note: bool = True) -> Markup
 def _answers(variant: Variant, language: str, *, solved: bool = False) -> Markup:
     """Return the table of the questions, with or without their answers."""
     lines = []
-    for question, answer in zip(
-        variant.kind.questions, _answer_texts(variant, language), strict=True
-    ):
-        text = answer if solved else ''
+    for question in variant.kind.questions:
+        text = answer_text(variant, question, language) if solved else ''
         cells = (
             element('th', question_markup(question, language)),
             element('td', text, class_='answer'),
@@ -139,15 +139,6 @@ def _answers(variant: Variant, language: str, *, solved: bool = False) -> Markup
         )
         lines.append(element('tr', *cells))
     return element('table', *lines, class_='answers')
-
-
-def _answer_texts(variant: Variant, language: str) -> list[str]:
-    """Return the right answers, in the order of the questions."""
-    answers = []
-    for question in variant.kind.questions:
-        right = variant.answers[question.name]
-        answers.append(answer_text(variant, question, right, language))
-    return answers
 
 
 def asked(variant: Variant, question: Question, language: str) -> str:
@@ -185,8 +176,9 @@ def question_symbol(question: Question, language: str) -> Markup:
     return rich(question.words(language)) if question.is_word else symbol(question.name)
 
 
-def answer_text(variant: Variant, question: Question, answer: Answer, language: str) -> str:
-    """Return an answer to the digits asked for."""
+def answer_text(variant: Variant, question: Question, language: str) -> str:
+    """Return the right answer to the digits asked for."""
+    answer = variant.answers[question.name]
     if isinstance(answer, str):
         return str(texts()['choices'].get(answer, {}).get(language, answer))
     tolerance = variant.tolerance(question)
