@@ -19,6 +19,17 @@ It does not need ROS. DXF needs ezdxf, which is imported only to write it.
 from .assembly import assembly
 from .drawing import Drawing, drawing, dxf, NoEzdxfError, svg
 from .layers import Layers, layers
+from .outline import polyline
+from .parts import (
+    leg_parts,
+    Part,
+    PartSizes,
+    placed_legs,
+    PlacedLeg,
+    Prism,
+    robot_parts,
+    Role,
+)
 from .plates import ExportError, Plate, plates
 from .urdf import urdf
 
@@ -27,12 +38,21 @@ __all__ = [
     'ExportError',
     'Layers',
     'NoEzdxfError',
+    'Part',
+    'PartSizes',
+    'PlacedLeg',
     'Plate',
+    'Prism',
+    'Role',
     'assembly',
     'drawing',
     'dxf',
     'layers',
+    'leg_parts',
+    'placed_legs',
     'plates',
+    'polyline',
+    'robot_parts',
     'svg',
     'urdf',
 ]

@@ -8,11 +8,15 @@ Pieces nearer to a segment than the distance are inside and left out.
 from cmath import phase, rect
 from collections.abc import Iterator, Sequence
 from itertools import chain, pairwise
-from math import pi, sqrt, tan, tau
-from typing import NamedTuple
+from math import acos, atan, ceil, pi, sin, sqrt, tan, tau
+from typing import Any, NamedTuple
+
+import numpy as np
 
 # As parts of the distance: rounding, the shortest piece, gaps between pieces, the least curve.
 ZERO, MIN_PIECE, MAX_PIECE_GAP, MIN_EXTENT = 1e-9, 1e-6, 1e-5, 1e-3
+# Chords of an arc for moments: its area is then exact to 1e-5.
+ARC_CHORDS = 256
 Segment = tuple[complex, complex]
 
 
@@ -91,6 +95,41 @@ def outlines(segments: Sequence[Segment], radius: float) -> tuple[Outline, ...]:
         if extent > MIN_EXTENT * radius:
             curves.append(tuple(corners))
     return tuple(sorted(curves, key=lambda curve: min(corner.at.real for corner in curve)))
+
+
+def polyline(outline: Outline, tolerance: float) -> Iterator[complex]:
+    """Yield the corners of a polygon within a tolerance of a curve, of equal area on arcs [m]."""
+    for corner, following in zip(outline, (*outline[1:], outline[0]), strict=True):
+        if not corner.bulge:
+            yield corner.at
+            continue
+        angle = 4.0 * atan(corner.bulge)
+        arm = (corner.at - following.at) / (1.0 - rect(1.0, angle))
+        max_step = 2.0 * acos(1.0 - min(tolerance / abs(arm), 0.25))
+        count = ceil(angle / max_step)
+        step = angle / count
+        for k in range(count):
+            yield corner.at - arm + arm * rect(sqrt(step / sin(step)), k * step)
+
+
+def moments(outline: Outline) -> Any:
+    """Return the area of a curve, and its first and polar second moments about the origin."""
+    start = np.array([*_points(outline)])
+    end = np.roll(start, -1)
+    doubled = (start.conj() * end).imag
+    squares = abs(start) ** 2 + (start * end.conj()).real + abs(end) ** 2
+    first = doubled * (start + end)
+    return np.array([doubled.sum() / 2.0, first.sum() / 6.0, (doubled * squares).sum() / 12.0])
+
+
+def _points(outline: Outline) -> Iterator[complex]:
+    """Yield the corners of a curve, and points on its arcs."""
+    for corner, following in zip(outline, (*outline[1:], outline[0]), strict=True):
+        yield corner.at
+        if corner.bulge:
+            angle = 4.0 * atan(corner.bulge)
+            turned = np.expm1(1j * angle * np.arange(1, ARC_CHORDS) / ARC_CHORDS)
+            yield from corner.at + (following.at - corner.at) * turned / np.expm1(1j * angle)
 
 
 def _edges(segments: Sequence[Segment], radius: float) -> list[_Piece]:

@@ -1,0 +1,296 @@
+"""
+The parts of a robot as prisms: links, spacers, washers and pins, stacked in layers.
+
+A part's coordinates in the plane are those of its body, as a plate's are: from the body's first
+point along its angle; the ground's are the leg's plane. z is along the plane's normal u x v, from
+0 at the underside of layer 0; layer k begins at k (thickness + washer), and heads of pins reach
+below 0. The mount's plane is z = 0. `placed_legs` says where the stack of a mounted leg goes
+against the normal: the ground, outermost in most legs, is at the side of the robot's middle.
+
+>>> from klann_ros.robot import robot_of
+>>> [part.name for part in leg_parts(robot_of('chebyshev').legs[0].linkage)][:5]
+['ground', 'crank', 'coupler', 'rocker', 'pin A']
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from functools import cached_property
+from typing import Any
+
+from klann_ros.dynamics import BodyMass
+from klann_ros.kinematics import FIXED, Linkage
+from klann_ros.robot import Robot, RobotLeg
+import numpy as np
+
+from .layers import FlushEnd, Layers, layers, Shaft, Side
+from .outline import moments, Outline, outlines
+from .plates import ExportError, Hole, Plate, plates, Slot
+
+# Width of links: a multiple of the widest hole, but at least a part of the linkage's size.
+WIDTH_BY_HOLE, WIDTH_BY_SIZE = 3.0, 0.04
+# Clearance of a hole, as a part of its diameter: less than the least wall around it.
+MAX_CLEARANCE = 0.25
+# Height of a pin's head, as a part of its diameter, but at most a plate's thickness.
+HEAD_HEIGHT = 0.8
+
+
+class Role(Enum):
+    """The use of a part."""
+
+    LINK = 'link'
+    CRANK = 'crank'
+    FRAME = 'frame'
+    SPACER = 'spacer'
+    WASHER = 'washer'
+    PIN = 'pin'
+    CAP = 'cap'
+
+    @property
+    def is_hardware(self) -> bool:
+        """Return whether screws, nuts and washers serve as well."""
+        return self in {Role.WASHER, Role.PIN, Role.CAP}
+
+
+@dataclass(frozen=True)
+class PartSizes:
+    """
+    The sizes of parts [m].
+
+    `hole` is the diameter of holes, and of pins, `holes` that of some joints by their points.
+    `width` of links is 4 % of the linkage's size and at least three holes where it is None.
+    `clearance` is added to the diameter of holes and slots: a printer makes them too narrow.
+    """
+
+    hole: float = 3.2e-3
+    holes: Mapping[str, float] = field(default_factory=dict)
+    width: float | None = None
+    thickness: float = 3e-3
+    washer: float = 0.5e-3
+    clearance: float = 0.2e-3
+
+    def __post_init__(self) -> None:
+        """Refuse sizes that no part can have."""
+        min_hole = min([self.hole, *self.holes.values()])
+        if not 0.0 <= self.clearance < MAX_CLEARANCE * min_hole:
+            raise ExportError(
+                f'clearance = {self.clearance * 1e3:g} mm is refused: >= 0, and less than a '
+                f'quarter of the smallest hole, {min_hole * 1e3:g} mm'
+            )
+        if not (self.thickness > 0.0 and self.washer >= 0.0):
+            raise ExportError('a thickness must be > 0, and that of washers >= 0')
+
+    @property
+    def pitch(self) -> float:
+        """Return the distance of two layers [m]."""
+        return self.thickness + self.washer
+
+    def link_width(self, size: float) -> float:
+        """Return the width of links of a linkage of a size [m]."""
+        widest = max([self.hole, *self.holes.values()])
+        return self.width or max(WIDTH_BY_HOLE * widest, WIDTH_BY_SIZE * size)
+
+
+@dataclass(frozen=True)
+class Prism:
+    """
+    A solid between two heights `low` and `high` [m].
+
+    `outlines` are its outer curves, counter-clockwise, and its windows, clockwise; `cuts` are
+    holes and slots, counter-clockwise.
+    """
+
+    outlines: tuple[Outline, ...]
+    cuts: tuple[Outline, ...]
+    low: float
+    high: float
+
+    @cached_property
+    def moments(self) -> Any:
+        """Return volume [m^3], and first and polar second moment about the origin of the plane."""
+        area = sum(map(moments, self.outlines)) - sum(map(moments, self.cuts), np.zeros(3))
+        return (self.high - self.low) * area
+
+
+@dataclass(frozen=True)
+class Part:
+    """
+    A part of a leg: prisms that make one solid.
+
+    `body` is the number of the body that it moves with, FIXED for the ground. `count` is the
+    number of such legs in the robot, `legs` the first leg that has it, if legs differ.
+    """
+
+    name: str
+    role: Role
+    body: int
+    prisms: tuple[Prism, ...]
+    count: int = 1
+    legs: str = ''
+
+    @property
+    def volume(self) -> float:
+        """Return the volume [m^3]."""
+        return float(sum(prism.moments for prism in self.prisms)[0].real)
+
+    def mass(self, density: float) -> BodyMass:
+        """Return mass, centre and inertia for a density [kg/m^3]."""
+        volume, first, second = sum(prism.moments for prism in self.prisms)
+        inertia = (second - abs(first) ** 2 / volume).real
+        return BodyMass(
+            float(density * volume.real), complex(first / volume), float(density * inertia)
+        )
+
+
+@dataclass(frozen=True)
+class PlacedLeg:
+    """
+    The parts of a mounted leg.
+
+    The height z of its stack lies at `offset` + `direction` z along the normal of the leg's plane
+    [m], with `direction` +1 or -1.
+    """
+
+    leg: RobotLeg
+    stack: Layers
+    parts: tuple[Part, ...]
+    direction: int = 1
+    offset: float = 0.0
+
+
+def leg_parts(linkage: Linkage, sizes: PartSizes = PartSizes()) -> tuple[Part, ...]:
+    """
+    Return the parts of a leg: plates, then pins with their spacers and washers.
+
+    Raises
+    ------
+    ExportError
+        The sizes leave too little material, the crank reaches no angle, or no layers are found.
+
+    """
+    return placed_legs(Robot('', (RobotLeg('', linkage),)), sizes)[0].parts
+
+
+def robot_parts(robot: Robot, sizes: PartSizes = PartSizes()) -> tuple[Part, ...]:
+    """Return the parts of a robot, those of equal legs once with their count; as `leg_parts`."""
+    distinct = {placed.leg.linkage: placed.parts for placed in placed_legs(robot, sizes)}
+    return tuple(part for parts in distinct.values() for part in parts)
+
+
+def placed_legs(
+    robot: Robot, sizes: PartSizes = PartSizes(), scale: float = 1.0
+) -> tuple[PlacedLeg, ...]:
+    """Return the legs of a robot, scaled, with their parts; errors as `leg_parts`."""
+    robot = _scaled(robot, scale)
+    width = sizes.link_width(max(leg.linkage.size for leg in robot.legs))
+    robot_plates = plates(robot, hole=sizes.hole, width=width, holes=sizes.holes)
+    plates_of: dict[str, list[Plate]] = {}
+    for plate in robot_plates:
+        plates_of.setdefault(plate.legs, []).append(plate)
+    linkages = dict.fromkeys(leg.linkage for leg in robot.legs)
+    stacks = {}
+    for linkage, leg_plates in zip(linkages, plates_of.values(), strict=True):
+        stack = layers(linkage, leg_plates)
+        stacks[linkage] = stack, tuple(stack_parts(stack, sizes, linkage))
+    centre = np.mean([leg.mount.xyz for leg in robot.legs], axis=0)
+    legs = []
+    for leg in robot.legs:
+        stack, parts = stacks[leg.linkage]
+        outward = (np.array(leg.mount.xyz) - centre) @ leg.mount.rotation[:, 2]
+        is_ground_low = 2 * stack.layer[0] < stack.count
+        is_against = (outward < 0.0) == is_ground_low and robot.is_walker
+        legs.append(PlacedLeg(leg, stack, parts, -1 if is_against else 1))
+    return tuple(legs)
+
+
+def _scaled(robot: Robot, scale: float) -> Robot:
+    """Return a robot with its legs and their places scaled."""
+    legs = []
+    for leg in robot.legs:
+        x, y, z = leg.mount.xyz
+        mount = replace(leg.mount, xyz=(scale * x, scale * y, scale * z))
+        legs.append(replace(leg, linkage=leg.linkage.scaled(scale), mount=mount))
+    return replace(robot, legs=tuple(legs))
+
+
+def stack_parts(stack: Layers, sizes: PartSizes, linkage: Linkage) -> Iterator[Part]:
+    """Yield the parts of a leg's layers."""
+    crank = linkage.structure.bodies.index(linkage.structure.crank)
+    roles = {FIXED: Role.FRAME, crank: Role.CRANK}
+    for plate, layer in zip(stack.plates, stack.layer, strict=True):
+        prism = plate_prism(plate, layer * sizes.pitch, sizes.thickness, sizes.clearance)
+        role = roles.get(plate.body, Role.LINK)
+        yield Part(plate.name, role, plate.body, (prism,), plate.count, plate.legs)
+    for shaft in stack.shafts:
+        yield from _shaft_parts(stack, shaft, sizes)
+
+
+def plate_prism(plate: Plate, low: float, thickness: float, clearance: float = 0.0) -> Prism:
+    """Return a plate at a height [m], its holes and slots wider by a clearance."""
+    cuts: list[Outline] = []
+    round_cuts: list[Hole | Slot] = [*plate.holes, *plate.slots]
+    for cut in round_cuts:
+        cuts += outlines([cut.line], (cut.diameter + clearance) / 2.0)
+    curves = outlines(plate.links, plate.width / 2.0)
+    return Prism(curves, tuple(cuts), low, low + thickness)
+
+
+def _shaft_parts(stack: Layers, shaft: Shaft, sizes: PartSizes) -> Iterator[Part]:
+    """Yield a shaft's pins, one unless it is a stub, with their caps, spacers and washers."""
+    carrier = stack.plates[shaft.carrier]
+    outer = shaft.radius(carrier.width)
+    inner = shaft.diameter / 2.0
+    joined = {stack.layer[p] for p in shaft.plates}
+
+    def part(role: Role, *rings: tuple[float, float, float, float]) -> Part:
+        """Return a part of rings: outer radius, radius of the hole, and heights."""
+        prisms = []
+        for radius, hole, low, high in rings:
+            cuts = outlines([(shaft.at, shaft.at)], hole) if hole else ()
+            prisms.append(Prism(outlines([(shaft.at, shaft.at)], radius), cuts, low, high))
+        name = f'{role.value} {shaft.name}'
+        return Part(name, role, carrier.body, tuple(prisms), carrier.count, carrier.legs)
+
+    head = min(sizes.thickness, HEAD_HEIGHT * shaft.diameter)
+    hole = inner + sizes.clearance / 2.0
+    passed = _passed_layers(stack, shaft)
+    for span in _spans(joined, passed):
+        bottom = span[0] * sizes.pitch
+        top = span[-1] * sizes.pitch + sizes.thickness
+        is_bottom_flush = FlushEnd(shaft, Side.LOWER) in stack.flush or span[0] - 1 in passed
+        is_top_flush = FlushEnd(shaft, Side.UPPER) in stack.flush or span[-1] + 1 in passed
+        rods = [(inner, 0.0, bottom, top)]
+        if not is_bottom_flush:
+            rods.append((outer, 0.0, bottom - head, bottom))
+            if not is_top_flush:
+                rods[0] = (inner, 0.0, bottom, top + head)
+                yield part(Role.CAP, (outer, inner, top, top + head))
+        elif not is_top_flush:
+            rods.append((outer, 0.0, top, top + head))
+        yield part(Role.PIN, *rods)
+        for layer in span:
+            low = layer * sizes.pitch
+            if layer not in joined:
+                yield part(Role.SPACER, (outer, hole, low, low + sizes.thickness))
+            if layer != span[-1] and sizes.washer:
+                yield part(Role.WASHER, (outer, hole, low + sizes.thickness, low + sizes.pitch))
+
+
+def _passed_layers(stack: Layers, shaft: Shaft) -> set[int]:
+    """Return the layers of the plates that pass through a shaft, if it is a stub."""
+    passed = set()
+    for stub in stack.stubs:
+        if stub.shaft.name == shaft.name:
+            passed |= {stack.layer[p] for p in stub.crossing}
+    return passed
+
+
+def _spans(joined: set[int], passed: set[int]) -> Iterator[range]:
+    """Yield the layers of each pin of a shaft: a stub ends at the layers that plates pass."""
+    pieces: list[list[int]] = []
+    for layer in sorted(joined):
+        if not pieces or passed & {*range(pieces[-1][-1], layer + 1)}:
+            pieces.append([])
+        pieces[-1].append(layer)
+    for piece in pieces:
+        yield range(piece[0], piece[-1] + 1)

@@ -1,0 +1,24 @@
+"""The parts of a leg: every layer filled as computed, volumes in closed form."""
+
+from klann_ros.export import leg_parts, Part, PartSizes, Role
+from klann_ros.robot import robot_of
+
+SIZES = PartSizes(hole=4e-3, width=20e-3, thickness=4e-3, washer=1e-3, clearance=0.3e-3)
+
+
+def parts_of(name: str) -> tuple[Part, ...]:
+    return leg_parts(robot_of(name).legs[0].linkage, SIZES)
+
+
+def test_a_pin_with_its_heads_spacers_and_washers_fills_its_layers() -> None:
+    heights = {}
+    for part in parts_of('klann'):
+        if part.name.endswith(' G'):
+            spans = [(round(p.low * 1e3, 6), round(p.high * 1e3, 6)) for p in part.prisms]
+            heights.setdefault(part.role, []).extend(spans)
+    assert heights == {
+        Role.PIN: [(0.0, 17.2), (-3.2, 0.0)],
+        Role.CAP: [(14.0, 17.2)],
+        Role.SPACER: [(5.0, 9.0)],
+        Role.WASHER: [(4.0, 5.0), (9.0, 10.0)],
+    }
