@@ -138,7 +138,7 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     figures['turning_fraction'] = 1.0 - non_turning_fraction
     walker = None
     if requirements.walker is not None:
-        walker, walker_figures = _walker(leg, requirements.walker, requirements.speed)
+        walker, walker_figures = _walker(leg, requirements)
         figures |= walker_figures
     _check_limits(requirements, figures)
     margins = {}
@@ -198,15 +198,27 @@ def _check_limits(requirements: Requirements, figures: Mapping[str, float]) -> N
 
 
 def _walker(
-    leg: RobotLeg, options: Mapping[str, Any], speed: float
+    leg: RobotLeg, requirements: Requirements
 ) -> tuple[Mapping[str, Any], dict[str, float]]:
     """Return the parameters and the figures of a walker made of a leg."""
     try:
-        parameters = walker_parameters(leg, options)
-        walk: Any = walk_figures(robot_from_text(parameter_text(parameters), 'the walker'))
+        parameters = walker_parameters(leg, requirements.walker or {})
+        robot = robot_from_text(parameter_text(parameters), 'the walker')
+        walk: Any = walk_figures(robot)
     except (NoWalkerError, KinematicsError) as error:
         raise ProofError(str(error)) from error
-    figures = {'speed': walk.speed * speed, 'static_margin': walk.least_margin}
+    figures = {'speed': walk.speed * requirements.speed, 'static_margin': walk.least_margin}
     if walk.stable_fraction:
         figures['height_variation'] = walk.height_variation
+    if requirements.motor is not None:
+        # A motor turns several legs, with their masses.
+        sheet = data_sheet(
+            robot,
+            speed=requirements.speed,
+            load=requirements.load,
+            motor=requirements.motor,
+            samples=SHEET_SAMPLES,
+        )
+        motor_margins = [crank.motor.margin for crank in sheet.cranks if crank.motor is not None]
+        figures['motor_margin'] = min(motor_margins)
     return parameters, figures

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from klann_ros.datasheet import data_sheet, motor_from_file
 from klann_ros.design import proof, requirements_from
 from klann_ros.design.leg_file import leg_text, parameter_text, walker_parameters
 from klann_ros.design.proof import check_file, FittedCandidate, FoundLeg, ProofError, prove
@@ -249,6 +250,20 @@ def test_the_load_the_speed_and_the_motor_are_those_of_the_requirements(tmp_path
     assert faster['torque_peak'] == pytest.approx(first['torque_peak'])
     # Its torque falls with the speed.
     assert faster['motor_margin'] == pytest.approx(first['motor_margin'] * 5.0 / 9.0)
+
+
+def test_the_motor_of_a_walker_turns_several_legs(tmp_path: Path) -> None:
+    motor = tmp_path / 'motor.yaml'
+    motor.write_text(MOTOR)
+    klann = shipped_linkage('klann')
+    options: dict[str, Any] = {'load': 9, 'speed': 2, 'motor': str(motor)}
+    leg = proven(klann, 'klann', walker={'legs': 8}, **options)
+    assert leg.walker is not None
+    walker = robot_from_text(parameter_text(leg.walker), 'the walker')
+    sheet = data_sheet(walker, speed=2.0, load=9.0, motor=motor_from_file(str(motor)))
+    margins = [crank.motor.margin for crank in sheet.cranks if crank.motor is not None]
+    assert leg.reached['motor_margin'] == pytest.approx(min(margins), rel=1e-3)
+    assert leg.reached['motor_margin'] < proven(klann, 'klann', **options).reached['motor_margin']
 
 
 def test_a_walker_is_proven_from_its_file() -> None:
