@@ -125,9 +125,9 @@ def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
     sheet = drawing([*robot_plates, *rings], kerf=options.kerf / 1e3)
     contents: dict[str, bytes] = {}
     if options.svg is not None:
-        contents['--svg'] = svg(sheet).encode()
+        contents['--svg'] = svg(sheet, filled=options.cad).encode()
     if options.dxf is not None:
-        contents['--dxf'] = dxf(sheet)
+        contents['--dxf'] = dxf(sheet, exploded=options.cad)
     if options.weighed is not None:
         material = options.thickness / 1e3, options.plate_density
         contents[f'--{WEIGHED}'] = weighed_file(robot, robot_plates, *material).encode()
@@ -171,6 +171,8 @@ def _parser() -> ArgumentParser:
     add('--joint-separator', choices=SEPARATORS, default='_', help=separator)
     add('--svg', metavar='OUT.svg', help='the plates, in mm')
     add('--dxf', metavar='OUT.dxf', help="the plates, in mm (extra 'dxf')")
+    cad = 'SVG and DXF for programs that extrude: filled plates; LINE and ARC, no polylines'
+    add('--cad', action='store_true', help=cad)
     add('--assembly', metavar='OUT.svg', help='the leg layer by layer, with screws and spacers')
     hole = f'diameter of holes [mm], {HOLE}: for M3; A=6 of a joint; repeatable'
     add('--hole', metavar='[JOINT=]MM', type=_hole, action='append', help=hole)

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, indent, SubElement, tostring
 from klann_ros.sanitize.text import printable
 import numpy as np
 
-from .outline import distance_to, Outline, outlines, Segment
+from .outline import distance_to, Outline, outlines, reversed_outline, Segment
 from .plates import ExportError, Plate
 
 MM = 1e3
@@ -31,6 +31,8 @@ SVG_STYLES = {
     'CUT': {'fill': 'none', 'stroke': '#ff0000', 'stroke-width': '0.1'},
     'HOLES': {'fill': 'none', 'stroke': '#0000ff', 'stroke-width': '0.1'},
     'LABELS': {'fill': '#000000', 'stroke': 'none', 'font-family': 'sans-serif'},
+    # Areas for programs that extrude them.
+    'PLATES': {'fill': '#c0c0c0', 'fill-rule': 'evenodd', 'stroke': 'none'},
 }
 # The colours' numbers in AutoCAD: red, blue, black or white.
 DXF_COLOURS = {'CUT': 1, 'HOLES': 5, 'LABELS': 7}
@@ -65,7 +67,8 @@ class Drawing:
 
     `outlines` are the plates, in their order, and `slots`: closed, counter-clockwise; `windows`
     the openings between the links of a plate: closed, clockwise. `circles` are the holes, `texts`
-    titles and names of holes.
+    titles and names of holes. `areas` has all curves of each plate: its outline, then windows,
+    holes and slots, clockwise.
     """
 
     size: complex
@@ -74,6 +77,7 @@ class Drawing:
     circles: tuple[Circle, ...]
     slots: tuple[Outline, ...]
     texts: tuple[Text, ...]
+    areas: tuple[tuple[Outline, ...], ...]
 
 
 def drawing(plates: Sequence[Plate], *, kerf: float = 0.0) -> Drawing:
@@ -114,6 +118,7 @@ def drawing(plates: Sequence[Plate], *, kerf: float = 0.0) -> Drawing:
     circles: list[Circle] = []
     slots: list[Outline] = []
     texts: list[Text] = []
+    areas: list[tuple[Outline, ...]] = []
     for placed in placed_plates:
         if x > PLATE_GAP and x + placed.size.real > sheet_width + PLATE_GAP:
             x = PLATE_GAP
@@ -129,8 +134,19 @@ def drawing(plates: Sequence[Plate], *, kerf: float = 0.0) -> Drawing:
         circles += placed.circles()
         slots += placed.slots()
         texts += placed.texts()
-    size = complex(right, y + row_height + PLATE_GAP)
-    return Drawing(size, tuple(cuts), tuple(windows), tuple(circles), tuple(slots), tuple(texts))
+        openings = placed.slots()
+        for circle in placed.circles():
+            openings += outlines([(circle.at, circle.at)], circle.radius)
+        areas.append((outer, *inner, *map(reversed_outline, openings)))
+    return Drawing(
+        size=complex(right, y + row_height + PLATE_GAP),
+        outlines=tuple(cuts),
+        windows=tuple(windows),
+        circles=tuple(circles),
+        slots=tuple(slots),
+        texts=tuple(texts),
+        areas=tuple(areas),
+    )
 
 
 class _PlacedPlate:
@@ -223,8 +239,12 @@ class _PlacedPlate:
         return point * self._rotation - self._origin + self.corner
 
 
-def svg(plan: Drawing) -> str:
-    """Return a drawing as SVG in millimetres: groups of cuts, holes and labels."""
+def svg(plan: Drawing, *, filled: bool = False) -> str:
+    """
+    Return a drawing as SVG in millimetres: groups of cuts, holes and labels.
+
+    With `filled`, each plate is one path that is filled by the even-odd rule, its holes left out.
+    """
     width = plan.size.real
     height = plan.size.imag
     root = Element(
@@ -235,20 +255,25 @@ def svg(plan: Drawing) -> str:
         viewBox=f'0 0 {width:.6f} {height:.6f}',
     )
     groups = {}
-    for name, style in SVG_STYLES.items():
-        groups[name] = SubElement(root, 'g', {'id': name, **style})
+    for name in ('PLATES', 'LABELS') if filled else DXF_COLOURS:
+        groups[name] = SubElement(root, 'g', {'id': name, **SVG_STYLES[name]})
 
     def x_y(point: complex) -> tuple[str, str]:
         # y is down.
         return f'{point.real:.6f}', f'{height - point.imag:.6f}'
 
-    for outline in (*plan.outlines, *plan.windows):
-        SubElement(groups['CUT'], 'path', d=path_data(outline, height))
-    for circle in plan.circles:
-        cx, cy = x_y(circle.at)
-        SubElement(groups['HOLES'], 'circle', cx=cx, cy=cy, r=f'{circle.radius:.6f}')
-    for slot in plan.slots:
-        SubElement(groups['HOLES'], 'path', d=path_data(slot, height))
+    if filled:
+        for number, area in enumerate(plan.areas, start=1):
+            curves = ' '.join(path_data(outline, height) for outline in area)
+            SubElement(groups['PLATES'], 'path', id=f'plate_{number}', d=curves)
+    else:
+        for outline in (*plan.outlines, *plan.windows):
+            SubElement(groups['CUT'], 'path', d=path_data(outline, height))
+        for circle in plan.circles:
+            cx, cy = x_y(circle.at)
+            SubElement(groups['HOLES'], 'circle', cx=cx, cy=cy, r=f'{circle.radius:.6f}')
+        for slot in plan.slots:
+            SubElement(groups['HOLES'], 'path', d=path_data(slot, height))
     for text in plan.texts:
         x, y = x_y(text.at)
         size = f'{text.height / FONT_CAPITAL:.6f}'
@@ -266,8 +291,9 @@ def path_data(outline: Outline, height: float) -> str:
     for corner, following in zip(outline, [*outline[1:], outline[0]], strict=True):
         if corner.bulge:
             chord = abs(following.at - corner.at)
-            radius = chord / (2.0 * sin(2.0 * atan(corner.bulge)))
-            commands.append(f'A {radius:.6f} {radius:.6f} 0 0 0 {x_y(following.at)}')
+            radius = chord / abs(2.0 * sin(2.0 * atan(corner.bulge)))
+            sweep = int(corner.bulge < 0.0)
+            commands.append(f'A {radius:.6f} {radius:.6f} 0 0 {sweep} {x_y(following.at)}')
         else:
             commands.append(f'L {x_y(following.at)}')
     return ' '.join([*commands, 'Z'])
@@ -280,9 +306,11 @@ def svg_file(root: Element) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
 
 
-def dxf(plan: Drawing) -> bytes:
+def dxf(plan: Drawing, *, exploded: bool = False) -> bytes:
     """
     Return a drawing as DXF in millimetres: closed LWPOLYLINEs with arcs, CIRCLEs and TEXTs.
+
+    With `exploded`, LINEs and ARCs are in place of the polylines.
 
     Raises
     ------
@@ -303,7 +331,10 @@ def dxf(plan: Drawing) -> bytes:
 
     def closed(outline: Outline, layer: str) -> None:
         corners = [(corner.at.real, corner.at.imag, corner.bulge) for corner in outline]
-        space.add_lwpolyline(corners, format='xyb', close=True, dxfattribs={'layer': layer})
+        attributes = {'layer': layer}
+        line = space.add_lwpolyline(corners, format='xyb', close=True, dxfattribs=attributes)
+        if exploded:
+            line.explode()
 
     for outline in (*plan.outlines, *plan.windows):
         closed(outline, 'CUT')

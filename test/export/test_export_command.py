@@ -15,12 +15,15 @@ WALKER = str(ROOT / 'config' / 'walker6.yaml')
 
 def test_all_formats_are_written_at_once(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     files = {name: tmp_path / f'leg.{name}' for name in ('mjcf', 'urdf', 'svg', 'dxf')}
-    options = [f'--{name}={file}' for name, file in files.items()]
+    options = ['--cad', *(f'--{name}={file}' for name, file in files.items())]
     assert main(['sem104', '--bar-density', '0.4', *options]) == 0
     assert {*tmp_path.iterdir()} == {*files.values()}
-    assert ET.parse(files['svg']).getroot().tag.endswith('svg')  # noqa: S314 - our own
+    groups = ET.parse(files['svg']).getroot()  # noqa: S314 - our own
+    assert [group.get('id') for group in groups] == ['PLATES', 'LABELS']
     assert ET.parse(files['urdf']).getroot().tag == 'robot'  # noqa: S314
-    assert not ezdxf.readfile(files['dxf']).audit().errors
+    document = ezdxf.readfile(files['dxf'])
+    assert not document.audit().errors
+    assert document.modelspace().query('ARC')
     model = mujoco.MjModel.from_xml_path(str(files['mjcf']))
     assert model.actuator('crank').id == 0
     out, error = capsys.readouterr()

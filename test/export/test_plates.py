@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 
 import ezdxf
 from klann_ros.export import Drawing, drawing, dxf, ExportError, Plate, plates, svg
-from klann_ros.export.outline import outlines
+from klann_ros.export.outline import Corner, outlines
 from klann_ros.export.plates import slot_conflict
 from klann_ros.export.travel import crank_angles
 from klann_ros.kinematics import Linkage, LinkageLeg
@@ -20,7 +20,7 @@ from klann_ros.robot import Robot, robot_of
 import numpy as np
 import pytest
 from sample_linkages import SHIPPED_ROBOTS
-from shapely import box, LinearRing, LineString, Point, Polygon, unary_union
+from shapely import box, LinearRing, LineString, Point, Polygon, polygonize, unary_union
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLE, WIDTH = 2e-3, 8e-3
@@ -246,3 +246,78 @@ def test_svg_and_dxf_agree() -> None:
     np.testing.assert_allclose(np.array(radii, float), 4.0, atol=1e-5)
     titles = {text.text for text in root.iter(f'{space}text')}
     assert {plate.title for plate in robot_plates} <= titles
+
+
+def plate_area(plate: Plate, kerf: float) -> Polygon:
+    """Return a plate after the cut, by another geometry library [mm]."""
+    bars = [buffered(link, plate.width + kerf) for link in plate.links]
+    cuts = [buffered(cut.line, cut.diameter - kerf) for cut in (*plate.holes, *plate.slots)]
+    return unary_union(bars) - unary_union(cuts)
+
+
+def buffered(line: Sequence[complex], width: float) -> Polygon:
+    x_y_mm = x_y([1e3 * point for point in line])
+    curve = Point(x_y_mm[0]) if line[0] == line[1] else LineString(x_y_mm)
+    return curve.buffer(500 * width, quad_segs=32)
+
+
+def edge(entity: Any) -> LineString:
+    """Return a DXF entity as a line, its ends rounded to a picometre [mm]."""
+    if entity.dxftype() == 'LINE':
+        points = [entity.dxf.start, entity.dxf.end]
+    else:
+        points = entity.flattening(1e-4)
+    return LineString([(round(point.x, 9), round(point.y, 9)) for point in points])
+
+
+def filled_area(path: str) -> Polygon:
+    """Return the area within an SVG path by the even-odd rule; curves are as SVG defines them."""
+    area = Polygon()
+    winding_area = 0.0
+    for subpath in path.split('M ')[1:]:
+        corners: list[Corner] = []
+        for command in re.findall('[^AL]+', subpath.replace('Z', '')):
+            *arc, x, y = map(float, command.split())
+            place = complex(x, -y)
+            if arc:
+                radius, _, _, is_long, is_clockwise = arc
+                assert not is_long
+                half_angle = np.arcsin(min(abs(place - corners[-1].at) / 2 / radius, 1.0))
+                bulge = float(np.tan(half_angle / 2))
+                corners[-1] = Corner(corners[-1].at, -bulge if is_clockwise else bulge)
+            corners.append(Corner(place))
+        assert corners[0].at == corners[-1].at
+        ring = LinearRing(sampled(tuple(corners[:-1]), 96))
+        area ^= Polygon(ring)
+        winding_area += Polygon(ring).area * (1 if ring.is_ccw else -1)
+    # Programs that fill by the winding number find the same area.
+    assert winding_area == pytest.approx(area.area)
+    return area
+
+
+@pytest.mark.parametrize(
+    ('name', 'kerf'),
+    [('jansen', 0.2e-3), ('trotbot', 0.0), ('quick_return', 0.1e-3)],
+)
+def test_filled_paths_and_entities_enclose_the_plates_without_their_holes(
+    name: str, kerf: float
+) -> None:
+    robot_plates = plates(robot_of(name), hole=HOLE, width=WIDTH)
+    sheet = drawing(robot_plates, kerf=kerf)
+    expected = [plate_area(plate, kerf) for plate in robot_plates]
+    root: Any = ET.fromstring(svg(sheet, filled=True))  # noqa: S314 - our own
+    assert root[0].get('fill-rule') == 'evenodd'
+    filled = [filled_area(path.get('d')) for path in root[0]]
+    document = ezdxf.read(StringIO(dxf(sheet, exploded=True).decode()))
+    edges = [edge(entity) for entity in document.modelspace().query('LINE ARC CIRCLE')]
+    enclosed = [area for area in polygonize(edges).geoms if area.interiors]
+    assert not document.modelspace().query('LWPOLYLINE')
+    for areas in (filled, enclosed):
+        assert len(areas) == len(expected)
+        for area, exact in zip(sorted(areas, key=size), sorted(expected, key=size), strict=True):
+            assert area.area == pytest.approx(exact.area, rel=1e-3)
+            assert len(area.interiors) == len(exact.interiors)
+
+
+def size(area: Polygon) -> float:
+    return float(area.area)
