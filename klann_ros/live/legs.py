@@ -18,7 +18,7 @@ from klann_ros.kinematics import (
 )
 from klann_ros.log import LINKAGE_PARAMETER, SolverParameters
 from klann_ros.review import leg_solvers, LegSolver, parent, published_legs
-from klann_ros.robot import of_leg
+from klann_ros.robot import of_leg, RobotLeg
 from klann_ros.sanitize.text import printable
 from klann_ros.web import leg_shape
 import numpy as np
@@ -48,6 +48,16 @@ class LiveLeg:
     # The pose of its plane in base_link [m], [rad]; None if unknown.
     mount_xyz: tuple[float, ...] | None = None
     mount_rpy: tuple[float, ...] = _UPRIGHT
+    # The text of its linkage's file; '' for a Klann leg.
+    description: str = ''
+
+    @property
+    def point(self) -> str:
+        """Return what its published point is, in words."""
+        if self.mount_xyz or self.solver.leg is None:
+            return 'foot'
+        leg = RobotLeg(self.name, self.solver.leg.linkage, description=self.description)
+        return 'foot' if leg.has_foot else 'coupler point'
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -59,6 +69,7 @@ class LiveLeg:
         data: dict[str, Any] = {
             'name': printable(self.name, 60),
             'kind': '',
+            'point': self.point,
             'joints': [],
             'slides': [],
             'shape': None,
@@ -151,11 +162,12 @@ def _make_legs(records: Sequence[SolverParameters], namespace: str) -> tuple[Liv
     node_parameters = {record.node: record.parameters for record in records}
     legs = []
     for name, solver in islice(leg_solvers(records, namespace).items(), MAX_LEGS):
+        parameters = node_parameters[solver.nodes[-1]]
         # The unnamed leg has no mount.
-        parameters = node_parameters[solver.nodes[-1]] if name else {}
         xyz = _triple(parameters.get(f'{name}.mount_xyz'))
         rpy = _triple(parameters.get(f'{name}.mount_rpy'))
-        legs.append(LiveLeg(name, solver, xyz, rpy or _UPRIGHT))
+        description = of_leg(parameters, name).get(LINKAGE_PARAMETER) or ''
+        legs.append(LiveLeg(name, solver, xyz, rpy or _UPRIGHT, description))
     return tuple(legs)
 
 

@@ -161,6 +161,11 @@ def test_a_leg_is_known_by_its_solver() -> None:
     assert b.joint_names[0] == 'b/alpha'
     assert 'b.l_gh' in solver.lengths
     assert 'use_sim_time' not in solver.lengths
+    assert a.point == 'foot'
+    four_bar = resources.files('klann_ros') / 'linkages' / 'four_bar.yaml'
+    described = {'linkage_description': four_bar.read_text()}
+    (leg,) = solver_of(SolverParameters('/x', 0, described)).legs
+    assert leg.as_data()['point'] == 'coupler point'
 
 
 @pytest.mark.parametrize(
@@ -321,9 +326,18 @@ REFUSALS = [
         'these lengths are refused: at no crank angle',
     ),
 ]
+# Numbers, digits after the point, and their texts: 0 has no sign.
+FIXED = [
+    (-0.04, 1, '0.0'),
+    (-0.4, 0, '0'),
+    (-0.0, 2, '0.00'),
+    (-0.05, 2, '-0.05'),
+    (10.0, 0, '10'),
+]
 CONVERSIONS = """
-function answer({ texts, refusals, lengths, angles }) {
+function answer({ texts, refusals, lengths, angles, numbers }) {
   return {
+    fixed: numbers.map(([number, digits]) => fixedText(number, digits)),
     refusals: refusals.map((text) => withoutNumber(text, 'left.l_ab')),
     texts: texts.map(inPageUnits),
     metres: lengths.map((length) => inSiUnit(Number(length), 'm')),
@@ -341,8 +355,13 @@ def test_the_page_tells_millimetres_and_degrees_and_sends_si_units_exactly() -> 
     angles = [0.1 * n for n in range(-3600, 3601)]
     given = {'texts': [sent for sent, _ in TOLD], 'lengths': lengths, 'angles': angles}
     given['refusals'] = [sent for sent, _ in REFUSALS]
-    folder = Path(str(resources.files('klann_ros') / 'live' / 'static'))
-    told = in_node(CONVERSIONS, given, [folder / 'space.js', folder / 'tables.js'])
+    given['numbers'] = [(number, digits) for number, digits, _ in FIXED]
+    package = resources.files('klann_ros')
+    folder = Path(str(package / 'live' / 'static'))
+    scripts = [folder / 'space.js', folder / 'tables.js']
+    scripts.insert(0, Path(str(package / 'web' / 'static' / 'drawing.js')))
+    told = in_node(CONVERSIONS, given, scripts)
+    assert told['fixed'] == [text for *_, text in FIXED]
     assert told['refusals'] == [shown for _, shown in REFUSALS]
     assert told['texts'] == [shown for _, shown in TOLD]
     assert told['metres'] == [float(Decimal(length) / 1000) for length in lengths]

@@ -44,8 +44,8 @@ class Drive {
     this.report = report;
     if (report && report.owner !== null) this.note = '';
     const mayDrive = Boolean(report && this.live.client && this.live.client.may_drive);
-    this.button.disabled = !mayDrive;
-    this.button.textContent = this.isOwner ? 'Release' : 'Take over';
+    this.button.disabled = !mayDrive || (!this.isOwner && this.isExcluded);
+    this.button.textContent = this.isOwner ? 'Release' : this.yields ? 'Take over' : 'Drive';
     this.button.setAttribute('aria-pressed', String(this.isOwner));
     const text = this.statusText(mayDrive);
     if (this.state.textContent !== text) this.state.textContent = text;
@@ -55,6 +55,17 @@ class Drive {
     this.enable(this.isMine);
     if (this.isMine && !this.wasMine) this.state.closest('.card').scrollIntoView({ block: 'nearest' });
     this.wasMine = this.isMine;
+  }
+
+  /** Whether somebody yields: another page, or a publisher. */
+  get yields() {
+    const { report } = this;
+    return Boolean(report) && (report.owner !== null || report.publishers.length > report.foreign.length);
+  }
+
+  /** Whether a publisher that cannot yield, or another driver, leaves this page nothing to drive. */
+  get isExcluded() {
+    return Boolean(this.report && (this.report.blocking.length || this.report.elsewhere));
   }
 
   get hasLost() {
@@ -90,11 +101,17 @@ class Drive {
     if (!mayDrive) {
       return `${who} This page may only view; the whole address that view_node printed may drive.`;
     }
-    const { foreign } = report;
-    if (foreign.length) {
-      return `${who} ${listed(foreign)} cannot yield: while ${verb(foreign, 'it sends', 'they send')}, this page cannot drive.`;
+    const { blocking, foreign } = report;
+    if (blocking.length) {
+      return `${who} ${listed(blocking)} cannot yield: while ${verb(blocking, 'it sends', 'they send')}, this page cannot drive.`;
     }
-    return `${who} This page drives nothing until you take over${names.length ? `; then ${listed(names)} ${verb(names, 'yields', 'yield')}` : ''}.`;
+    const yielding = names.filter((name) => !foreign.includes(name));
+    if (!yielding.length) {
+      const idle = foreign.length ? ` ${listed(foreign)} cannot yield, but ${verb(foreign, 'is', 'are')} silent.` : '';
+      return `${who}${idle} This page drives nothing until you press Drive.`;
+    }
+    const others = foreign.length ? ` ${listed(foreign)} cannot yield, and must be silent then.` : '';
+    return `${who} This page drives nothing until you take over; then ${listed(yielding)} ${verb(yielding, 'yields', 'yield')}.${others}`;
   }
 
   async toggle() {
@@ -157,13 +174,19 @@ class CrankDrive extends Drive {
 
   enable(isMine) {
     this.slider.disabled = this.speed.disabled = this.halt.disabled = !isMine;
-    if (!isMine) this.setSpeed(0);
+    if (isMine) return;
+    this.setSpeed(0);
+    this.showCommand('none', 'none');
   }
 
   setSpeed(value) {
     this.speed.value = value;
-    byId('speed-text').textContent = `${value}°/s`;
-    this.speed.setAttribute('aria-valuetext', `${value} degrees a second`);
+    this.showCommand(`${value}°/s`, `${value} degrees a second`);
+  }
+
+  showCommand(text, spoken) {
+    byId('speed-text').textContent = text;
+    this.speed.setAttribute('aria-valuetext', spoken);
   }
 
   /** Turn to the slider's angle, in the turn where the crank is. */
@@ -186,17 +209,25 @@ class CrankDrive extends Drive {
 
   /** Let the slider follow the leg, unless it is being moved. */
   follow() {
-    if (!this.track || !this.track.x || performance.now() - this.held < 400) return;
+    if (!this.track || !this.track.x) return;
+    byId('turning').textContent = turningText(this.track);
+    if (performance.now() - this.held < 400) return;
     const angle = degrees(wrapped(this.track.x[0]));
     this.slider.value = angle;
     this.showAngle(angle);
   }
 
   showAngle(angle) {
-    const text = `${angle.toFixed(1)}°`;
-    byId('angle-text').textContent = text;
-    this.slider.setAttribute('aria-valuetext', `${angle.toFixed(0)} degrees`);
+    byId('angle-text').textContent = `${fixedText(angle, 1)}°`;
+    this.slider.setAttribute('aria-valuetext', `${fixedText(angle, 0)} degrees`);
   }
+}
+
+/** Return in words how fast the crank of a track turns, whoever drives it. */
+function turningText(track) {
+  const speed = track.crankSpeed();
+  if (track.age > OLD || !Number.isFinite(speed)) return 'unknown';
+  return Math.abs(speed) < 0.05 ? 'at rest' : `${fixedText(speed, 1)}°/s`;
 }
 
 class WalkDrive extends Drive {
@@ -236,7 +267,7 @@ class WalkDrive extends Drive {
       button.classList.toggle('down', held.includes(String(button.dataset.walk.split(',').map(Number))));
     }
     const [forward, turn] = this.command();
-    const shown = [forward * 1000, degrees(turn)].map((value) => value.toFixed(0));
+    const shown = [forward * 1000, degrees(turn)].map((value) => fixedText(value, 0));
     const text = this.isMine ? `Commanded: ${shown[0]} mm/s, ${shown[1]}°/s` : '';
     if (byId('walk-command').textContent !== text) byId('walk-command').textContent = text;
   }

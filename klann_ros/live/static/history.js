@@ -6,6 +6,8 @@ const SPAN = 30;
 const CHART_PERIOD = 200;
 // Averaging time of a speed [s].
 const RATE_TIME = 0.2;
+// Averaging time of the crank's speed beside its slider [s].
+const SPEED_TIME = 0.5;
 const CHART_FONT = '12px system-ui, sans-serif';
 
 /** The received poses of a leg. */
@@ -47,6 +49,15 @@ class Track {
     if (this.times[0] > before - 1) return;
     const first = this.times.findIndex((time) => time >= before);
     for (const column of [this.times, this.poses, this.stamps, this.feet]) column.splice(0, first);
+  }
+
+  /** Return the mean speed of the crank in the last SPEED_TIME [deg/s]; NaN if it is unknown. */
+  crankSpeed() {
+    const last = this.stamps.length - 1;
+    let first = last;
+    while (first > 0 && this.stamps[last] - this.stamps[first] < SPEED_TIME) first -= 1;
+    const passed = this.stamps[last] - this.stamps[first];
+    return passed > 0 && passed < 2 * SPEED_TIME ? degrees(this.poses[last][0] - this.poses[first][0]) / passed : NaN;
   }
 
   /** Return the places of the foot in the last seconds. */
@@ -128,7 +139,7 @@ class LiveChart {
     this.plot.setData([times, ...columns]);
     this.values.forEach((node, i) => {
       const value = columns[i][columns[i].length - 1];
-      node.textContent = Number.isFinite(value) ? value.toFixed(this.lines[i].digits) : '–';
+      node.textContent = Number.isFinite(value) ? fixedText(value, this.lines[i].digits) : '–';
     });
   }
 }
@@ -142,9 +153,10 @@ class History {
     this.angles = lines.filter((line) => !leg.slides[line.i]).map((line) => ({ ...line, digits: 1 }));
     this.slides = lines.filter((line) => leg.slides[line.i]).map((line) => ({ ...line, digits: 1 }));
     const place = ['x', 'y'].map((name, i) => ({ name, colour: i, dash: DASHES[i], digits: 1 }));
+    const point = leg.point[0].toUpperCase() + leg.point.slice(1);
     this.charts = [
       new LiveChart(holder, 'Angles', '°', this.angles),
-      new LiveChart(holder, this.slides.length ? 'Foot and slides' : 'Foot', 'mm', [...place, ...this.slides]),
+      new LiveChart(holder, this.slides.length ? `${point} and slides` : point, 'mm', [...place, ...this.slides]),
       new LiveChart(holder, 'Crank speed', '°/s', [{ name: 'rate', colour: 1, dash: [], digits: 1 }]),
     ];
     this.last = 0;

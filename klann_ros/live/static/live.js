@@ -256,10 +256,10 @@ class Live {
       byId('picture-text').textContent = 'No pose yet.';
       return;
     }
-    const foot = track.foot.map((value) => (1000 * value).toFixed(1));
+    const at = track.foot.map((value) => fixedText(1000 * value, 1));
     const age = track.age > OLD ? `, ${track.age.toFixed(0)} s old` : '';
     byId('picture-text').textContent =
-      `${this.legs.length > 1 ? `${this.leg.title}: ` : ''}Crank ${degrees(wrapped(track.x[0])).toFixed(1)}°, foot at ${foot[0]}, ${foot[1]} mm${age}.`;
+      `${this.legs.length > 1 ? `${this.leg.title}: ` : ''}Crank ${fixedText(degrees(wrapped(track.x[0])), 1)}°, ${this.leg.point} at ${at[0]}, ${at[1]} mm${age}.`;
   }
 }
 

@@ -33,20 +33,26 @@ function diagnosis(group) {
   mark.setAttribute('role', 'img');
   mark.setAttribute('aria-label', status.level);
   const own = status.meaning && status.level !== 'ok' ? make('em', '', inPageUnits(status.text)) : '';
-  const figures = Object.entries(status.figures).map(([key, value]) =>
-    key === 'residual' && Number.isFinite(Number(value))
-      ? inPageUnits(`${key} ${value} m`)
-      : `${key} ${value}`,
-  );
+  const figures = Object.entries(status.figures)
+    .filter(([, value]) => value && value !== 'nan')
+    .map(([key, value]) => `${key} ${figureText(key, value)}`);
   const text = make(
     'div',
     '',
     make('b', '', groupName(group)),
-    ` ${status.meaning || status.text}`,
+    ` ${status.meaning || inPageUnits(status.text)}`,
     own,
     group.length === 1 ? make('em', 'figures', figures.join(' · ')) : '',
   );
   return make('li', LEVEL_CLASS[status.level], mark, text);
+}
+
+/** Return a figure of a status in the page's unit. */
+function figureText(key, value) {
+  const number = Number(value);
+  if (!Number.isFinite(number)) return value;
+  if (key === 'residual') return `${Number((1000 * number).toPrecision(2))} mm`;
+  return key === 'rate' ? `${fixedText(number, 1)} Hz` : value;
 }
 
 /** Return the names of a group, with their common part once. */
@@ -61,7 +67,8 @@ function showTopics(body, topics) {
   const rows = topics.map((topic) => {
     const head = make('th', '', topic.name);
     head.scope = 'row';
-    const rate = topic.silence === null ? topic.rate.toFixed(1) : `silent for ${topic.silence} s`;
+    const silence = topic.latched ? `latched ${topic.silence} s ago` : `silent for ${topic.silence} s`;
+    const rate = topic.silence === null ? topic.rate.toFixed(1) : silence;
     const lost = topic.lost === null ? 'unknown' : String(topic.lost);
     const cells = [rate, lost, String(topic.publishers), topic.type];
     return make('tr', '', head, ...cells.map((text) => make('td', '', text)));
@@ -116,7 +123,8 @@ class MachineCard {
       const counts = 'written' in machine
         ? `${machine.written.toLocaleString('en')} messages written, ${machine.lost.toLocaleString('en')} lost`
         : 'no figures yet';
-      this.text.textContent = `${machine.paused ? 'Paused' : 'Recording'}: ${counts}.`;
+      const state = machine.paused ? 'Paused' : machine.writes ? 'Recording' : 'Waiting for a moment to keep';
+      this.text.textContent = `${state}: ${counts}.`;
     } else {
       const known = (value, unit) => (value === undefined ? '–' : `${value.toFixed(2)} ${unit}`);
       this.text.textContent = `${known(machine.length, 's')} long, at ${known(machine.rate, '×')}; last known position ${known(machine.position, 's')}.`;

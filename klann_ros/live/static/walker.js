@@ -39,8 +39,7 @@ class Ground {
   get text() {
     if (!this.place) return 'No odometry: the ground stands still.';
     const [x, y, yaw] = this.place;
-    const [left, forward] = [y, x].map((value) => (1000 * value).toFixed(0));
-    return `Odometry: x ${forward} mm, y ${left} mm, heading ${degrees(yaw).toFixed(0)}°`;
+    return `Odometry: x ${fixedText(x, 2)} m, y ${fixedText(y, 2)} m, heading ${fixedText(degrees(yaw), 0)}°`;
   }
 }
 

@@ -187,6 +187,7 @@ class SubscribedTopic:
             'rate': round(self.rate.rate(), 1),
             'lost': self.rate.lost,
             'publishers': self.rate.publishers,
+            'latched': self.kind == STRING_TYPE,
             'silence': None if silence is None or silence < _SHOWN_SILENCE else round(silence),
         }
 

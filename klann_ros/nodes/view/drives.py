@@ -117,11 +117,13 @@ class _LeasedDrive:
         yielded = self.lease.yielded
         return [name for name in self.offer.publishers if name not in yielded]
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self, rate_of: RateOf) -> dict[str, Any]:
         """Return its state for the page, ready for JSON."""
         offer = self.offer
         owner = self.drive.owner
         yielded = self.lease.yielded if owner else []
+        is_free = owner is None and not self.stops_left
+        is_sent = not all(_is_silent(rate_of(topic)) for topic in offer.topics)
         return {
             'target': offer.name,
             'kind': offer.kind,
@@ -132,6 +134,8 @@ class _LeasedDrive:
             'reason': self.reason,
             'publishers': list(offer.publishers),
             'foreign': [name for name in offer.publishers if name not in offer.yielding],
+            # Those that are certain to keep pages from driving: nobody else sends.
+            'blocking': [*offer.publishers] if is_free and is_sent and not offer.yielding else [],
             'yielded': [name for name in offer.publishers if name in yielded],
             'elsewhere': self.lease.other,
         }
@@ -201,7 +205,7 @@ class Drives:
     def state(self) -> list[dict[str, Any]]:
         """Return the drives and their owners, ready for JSON."""
         with self._lock:
-            return [leased.as_data() for leased in self._drives.values()]
+            return [leased.as_data(self._rate_of) for leased in self._drives.values()]
 
     def keep_alive(self, page: int) -> None:
         """Note that a page is connected."""

@@ -338,8 +338,13 @@ class LiveState(PageState):
         recording = statuses.get(f'{machine.node.rpartition("/")[2]}: recording')
         if machine.kind == 'recorder' and recording is not None:
             values = [(pair.key, pair.value) for pair in recording[0].values]
-            paused = dict(values).get('paused') == 'true'
-            data |= {**recorded_counts(values), 'paused': paused}
+            states = dict(values)
+            data |= {
+                **recorded_counts(values),
+                'paused': states.get('paused') == 'true',
+                # Without a file it waits for a trigger.
+                'writes': bool(states.get('file')),
+            }
         return data
 
     def _query_player(self, node: str) -> None:

@@ -119,6 +119,8 @@ def test_the_page_drives_on_request_and_stops_when_closed(moving: Live) -> None:
         is_true('Math.abs(live.trackOf(live.leg).x[0] - Math.PI / 3) < 1e-9'),
     )
     moving.drive(set_speed, is_true('live.trackOf(live.leg).x[0] > 3'))
+    moving.drive(set_speed, lambda: moving.text('#turning').startswith('34'))
+    assert moving.text('#speed-text') == '345°/s'
     # On a phone the leg stays in sight while its crank is driven.
     page.set_viewport_size({'width': 390, 'height': 844})
 
@@ -140,6 +142,25 @@ def test_the_page_drives_on_request_and_stops_when_closed(moving: Live) -> None:
     page.close()
     ros.probe.until(lambda: not is_publishing(ros))
     assert moving.errors == []
+
+
+def test_nothing_is_offered_where_nobody_yields(
+    moving: Live, turn: Callable[[float], None]
+) -> None:
+    def is_refused() -> bool:
+        turn(0.1)
+        text = moving.text('#crank-state')
+        return 'while it sends' in text and moving.page.locator('#take').is_disabled()
+
+    moving.ros.probe.until(is_refused)
+    moving.until(
+        "document.getElementById('take').textContent === 'Drive' && !live.crank.button.disabled"
+    )
+    assert 'cannot yield, but is silent' in moving.text('#crank-state')
+    assert moving.text('#speed-text') == 'none'
+    moving.until(
+        "/leg_description\\s*latched/.test(document.getElementById('topics').textContent)"
+    )
 
 
 def test_a_second_page_that_takes_over_is_announced_in_the_first_only(
@@ -321,7 +342,7 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
         message.pose.pose.position.x, message.pose.pose.orientation.w = x, 1.0
         odometry.publish(message)
         crank.publish(Float64(data=0.0))
-        return f'x {1000 * x:.0f} mm' in moving.text('#odometry')
+        return f'x {x:.2f} m' in moving.text('#odometry')
 
     probe.until(lambda: is_at(0.0))
     first_grounds = moving.page.evaluate(grounds)

@@ -84,7 +84,7 @@ function crankText(leg, row) {
   const angle = leg && row >= 0 ? leg.crankAngle(row) / TURN : NaN;
   if (!Number.isFinite(angle)) return '–';
   const turn = Math.floor(angle);
-  return `${(360 * (angle - turn)).toFixed(2)}° turn ${turn}`;
+  return `${fixedText(360 * (angle - turn), 2)}° turn ${turn}`;
 }
 
 function footText(leg, row) {

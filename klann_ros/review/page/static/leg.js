@@ -123,5 +123,5 @@ function aroundTheirMean(angles) {
 
 /** Return a position [m] as text in millimetres. */
 function positionText(position) {
-  return `${position.map((metres) => (1000 * metres).toFixed(1)).join(', ')} mm`;
+  return `${position.map((metres) => fixedText(1000 * metres, 1)).join(', ')} mm`;
 }

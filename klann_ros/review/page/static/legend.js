@@ -53,7 +53,7 @@ function nearby(column, index) {
 
 function number(value, settings) {
   if (!Number.isFinite(value)) return '–';
-  return settings.isLog ? value.toExponential(1) : value.toFixed(settings.digits);
+  return settings.isLog ? value.toExponential(1) : fixedText(value, settings.digits);
 }
 
 function swatch(line) {
