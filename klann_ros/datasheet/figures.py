@@ -210,10 +210,11 @@ def transmission_table(leg: LegSheet) -> FigureTable:
 def mass_table(leg: LegSheet, masses: Masses) -> FigureTable:
     """Return the table of a leg's masses."""
     lines = []
+    size = max(abs(centre) for _, centre, _ in masses.bodies)
     for label, (mass, centre, inertia) in zip(
         leg.linkage.structure.labels, masses.bodies, strict=True
     ):
-        place = mm_text(centre.real), mm_text(centre.imag)
+        place = mm_text(_zero(centre.real, size)), mm_text(_zero(centre.imag, size))
         lines.append((label, number_text(mass), *place, number_text(inertia)))
     heads = ('Body', 'Mass / kg', 'Centre x / mm', 'y / mm', 'Inertia / kg m²')
     total = (

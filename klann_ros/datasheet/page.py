@@ -225,17 +225,18 @@ def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> 
 
 
 def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[FigureTable]:
-    if sheet.is_single:
-        yield from _crank_tables(sheet.cranks, sheet)
+    # In an order that fills three columns of a page.
     if leg.linkage.change_points:
         yield figures.change_point_table(leg)
     yield figures.bar_table(leg)
+    if sheet.is_single:
+        yield from _crank_tables(sheet.cranks, sheet)
+    if leg.masses:
+        yield figures.mass_table(leg, leg.masses)
     if leg.transmission:
         yield figures.transmission_table(leg)
     if cases(leg):
         yield figures.joint_force_table(leg)
-    if leg.masses:
-        yield figures.mass_table(leg, leg.masses)
 
 
 def _crank_tables(cranks: Iterable[CrankSheet], sheet: DataSheet) -> Iterator[FigureTable]:
@@ -247,10 +248,10 @@ def _crank_tables(cranks: Iterable[CrankSheet], sheet: DataSheet) -> Iterator[Fi
 
 
 def _motor_table(crank: CrankSheet) -> FigureTable:
-    lines = [
-        (figure.name, f'{figure.value} {figure.unit}'.rstrip(), figure.note)
-        for figure in figures.motor_figures(crank)
-    ]
+    lines = []
+    for figure in figures.motor_figures(crank):
+        quantity = f'{figure.value} {figure.unit}'.rstrip()
+        lines.append((figure.name, element('span', quantity, class_='quantity'), figure.note))
     return FigureTable('Motor', ('Figure', 'Value', 'Remark'), tuple(lines))
 
 

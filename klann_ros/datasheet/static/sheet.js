@@ -48,8 +48,8 @@ class LegView {
     const angle = this.data.angles[row];
     this.leg.show(this.data.points[row]);
     this.slider.value = part;
-    this.slider.setAttribute('aria-valuetext', `${angle.toFixed(0)} degrees`);
-    this.output.textContent = `${angle.toFixed(1)}°`;
+    this.slider.setAttribute('aria-valuetext', `${fixedText(angle, 0)} degrees`);
+    this.output.textContent = `${fixedText(angle, 1)}°`;
     this.button.textContent = this.isPlaying ? 'Pause' : 'Play';
     for (const cursor of this.cursors) moveCursor(cursor, angle);
   }
