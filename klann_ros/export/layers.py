@@ -184,6 +184,8 @@ class PlateMotion:
     def __init__(self, linkage: Linkage) -> None:
         structure = linkage.structure
         alphas = crank_angles(linkage, SWEEP_SAMPLES)
+        # Crank angles of the samples [rad].
+        self.angles = alphas
         poses: Any = linkage_poses(linkage, alphas, points=True)
         points = poses.points[..., 0] + 1j * poses.points[..., 1]
         is_solved = np.asarray(np.isfinite(points).all(axis=1))
@@ -210,6 +212,16 @@ class PlateMotion:
         self.bound = 0.0
         # The first point of the crank.
         self.crank = structure.crank.points[0]
+
+    def nearest(self, angle: float) -> int:
+        """Return the solved sample nearest to a crank angle [rad]."""
+        distance = 1.0 - np.cos(self.angles - angle)
+        return int(np.nanargmin(np.where(np.isfinite(self._frames[0][1]), distance, np.nan)))
+
+    def frame(self, body: int, sample: int) -> tuple[complex, complex]:
+        """Return origin [m] and rotation of a body's coordinates at a sample."""
+        origin, rotation = self._frames[body]
+        return complex(origin[sample]), complex(rotation[sample])
 
     def place(self, plate: Plate, point: complex) -> ComplexArray:
         """Return the path of a point of a plate, shape (k,) [m]."""

@@ -20,6 +20,7 @@ from typing import Any
 
 from klann_ros.dynamics import BodyMass
 from klann_ros.kinematics import FIXED, Linkage
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import Robot, RobotLeg
 import numpy as np
 
@@ -156,6 +157,18 @@ class PlacedLeg:
     parts: tuple[Part, ...]
     direction: int = 1
     offset: float = 0.0
+
+    def pose(self, body: int, sample: int) -> FloatArray:
+        """Return the pose in base_link of a body's parts at a sample of the motion: (4, 4)."""
+        origin, rotation = self.stack.motion.frame(body, sample)
+        part_in_plane = np.diag([rotation.real, rotation.real, self.direction, 1.0])
+        part_in_plane[1, 0] = rotation.imag
+        part_in_plane[0, 1] = -rotation.imag
+        part_in_plane[:3, 3] = origin.real, origin.imag, self.offset
+        plane = np.eye(4)
+        plane[:3, :3] = self.leg.mount.rotation
+        plane[:3, 3] = self.leg.mount.xyz
+        return np.asarray(plane @ part_in_plane)
 
 
 def leg_parts(linkage: Linkage, sizes: PartSizes = PartSizes()) -> tuple[Part, ...]:

@@ -1,0 +1,212 @@
+"""
+The parts of a robot as solids for printing and looking at: STL, 3MF and GLB.
+
+manifold3d makes every solid, without gaps by its construction, and trimesh writes the formats.
+Both are imported only here, where they are used.
+"""
+
+from collections.abc import Iterable, Sequence
+import re
+from typing import Any
+
+from klann_ros.kinematics import colour_of
+import numpy as np
+
+from .outline import Outline, polyline
+from .parts import Part, PlacedLeg, Role
+from .plates import ExportError
+
+MM = 1e3
+# Distance of a chord from its arc, for printing and for looking at [m].
+PRINT_TOLERANCE, VIEW_TOLERANCE = 2e-6, 2e-5
+# Space between the parts on a bed [mm], and that between beds, as a part of their width.
+PART_GAP, BED_GAP = 4.0, 0.2
+# Decimals of a millimetre in which equal parts agree.
+DECIMALS = 6
+MAX_NAME = 48
+HARDWARE_COLOUR, FRAME_COLOUR = '#26292e', '#8a8f98'
+
+
+class NoSolidsError(RuntimeError):
+    """Solids without trimesh and manifold3d (the extra `parts`)."""
+
+    def __init__(self, error: ImportError) -> None:
+        super().__init__(f"solids need {error.name}, not here: pip install 'klann_ros[parts]'")
+
+
+def solid(part: Part, tolerance: float = PRINT_TOLERANCE) -> Any:
+    """
+    Return a part as a trimesh.Trimesh in millimetres, in its place.
+
+    Raises
+    ------
+    NoSolidsError
+        trimesh or manifold3d is not installed.
+
+    """
+    try:
+        from manifold3d import CrossSection, Manifold, OpType  # noqa: PLC0415 - an extra
+        from trimesh import Trimesh  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise NoSolidsError(error) from error
+
+    def section(curves: Iterable[Outline]) -> Any:
+        polygons = []
+        for curve in curves:
+            points = MM * np.array([*polyline(curve, tolerance)])
+            polygons.append(np.column_stack([points.real, points.imag]))
+        return CrossSection(polygons)
+
+    prisms = []
+    for prism in part.prisms:
+        base = section(prism.outlines) - section(prism.cuts)
+        height = MM * (prism.high - prism.low)
+        prisms.append(Manifold.extrude(base, height).translate((0.0, 0.0, MM * prism.low)))
+    mesh = Manifold.batch_boolean(prisms, OpType.Add).to_mesh64()
+    return Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts, process=False)
+
+
+def printed_parts(parts: Sequence[Part], bed: complex = 0j) -> dict[str, tuple[Any, int]]:
+    """
+    Return the distinct parts as meshes, flat on z = 0, with their number, by a name for files.
+
+    The larger face is down, and the longer side along x, or else as it fits a bed [mm].
+    """
+    groups: dict[Any, list[Part]] = {}
+    for part in parts:
+        groups.setdefault(_shape(part), []).append(part)
+    meshes: dict[str, tuple[Any, int]] = {}
+    for group in groups.values():
+        first = group[0]
+        names = dict.fromkeys(part.name.removeprefix(f'{first.role.value} ') for part in group)
+        words = filter(None, dict.fromkeys([first.role.value, first.legs, *names]))
+        count = sum(part.count for part in group)
+        stem = re.sub(r'[^A-Za-z0-9-]+', '_', '_'.join(words))[:MAX_NAME].strip('_')
+        name = f'{stem}_x{count}'
+        for number in range(2, 2 + len(meshes)):
+            if name in meshes:
+                name = f'{stem}_{number}_x{count}'
+        meshes[name] = _laid(solid(first), first, bed), count
+    return meshes
+
+
+def _shape(part: Part) -> Any:
+    """Return a key that equal parts share, wherever they stand."""
+    first = part.prisms[0]
+    origin = first.outlines[0][0].at
+    curves = []
+    for prism in part.prisms:
+        heights = prism.low - first.low, prism.high - first.low
+        curves.append(np.round(MM * np.array(heights), DECIMALS).tobytes())
+        for curve in (*prism.outlines, *prism.cuts):
+            corners = np.array([(corner.at - origin, corner.bulge) for corner in curve])
+            curves.append((np.round(MM * corners, DECIMALS) + 0.0).tobytes())
+    return part.role, part.legs, tuple(curves)
+
+
+def _fits(extent: complex, bed: complex) -> bool:
+    return max(extent.real - bed.real, extent.imag - bed.imag) + 2.0 * PART_GAP <= 0.0
+
+
+def _laid(mesh: Any, part: Part, bed: complex) -> Any:
+    """Return a part's mesh as it is printed."""
+    ends = sorted(part.prisms, key=lambda prism: prism.low)
+    areas = [prism.moments[0].real / (prism.high - prism.low) for prism in ends]
+    points = mesh.vertices.copy()
+    if areas[0] < areas[-1]:
+        points *= 1.0, -1.0, -1.0
+    plane = points[:, 0] + 1j * points[:, 1]
+    candidates = []
+    for rotation in np.exp(1j * np.radians(np.arange(180.0))):
+        rotated = plane * rotation
+        extent = complex(np.ptp(rotated.real), np.ptp(rotated.imag))
+        cost = not _fits(extent, bed), extent.real < extent.imag, extent.imag
+        candidates.append((*cost, rotation))
+    plane *= min(candidates)[-1]
+    points[:, 0] = plane.real
+    points[:, 1] = plane.imag
+    mesh.vertices = points - points.min(axis=0)
+    return mesh
+
+
+def stl_files(parts: Sequence[Part]) -> dict[str, bytes]:
+    """Return the distinct parts as binary STL in millimetres, by the names of their files."""
+    files = {}
+    for name, (mesh, _) in printed_parts(parts).items():
+        files[f'{name}.stl'] = mesh.export(file_type='stl')
+    return files
+
+
+def three_mf(parts: Sequence[Part], bed: complex) -> tuple[bytes, int]:
+    """
+    Return all parts as 3MF, placed on beds of a size [mm], and the number of beds.
+
+    The beds lie side by side along x. An ExportError names a part that is larger than a bed.
+    """
+    meshes = printed_parts(parts, bed)
+    scene = _scene()
+    x = y = PART_GAP
+    row_height = 0.0
+    beds = 1
+    for name, (mesh, count) in sorted(meshes.items(), key=lambda item: -item[1][0].extents[1]):
+        width, depth, _ = mesh.extents
+        if not _fits(complex(width, depth), bed):
+            raise ExportError(
+                f'{name} is {width:.0f} x {depth:.0f} mm, larger than the bed with a margin of '
+                f'{PART_GAP:g} mm: use a smaller --scale or a larger --bed'
+            )
+        for copy in range(count):
+            if x + width + PART_GAP > bed.real:
+                x = PART_GAP
+                y += row_height + PART_GAP
+                row_height = 0.0
+            if y + depth + PART_GAP > bed.imag:
+                beds += 1
+                x = y = PART_GAP
+            row_height = max(row_height, depth)
+            place = np.eye(4)
+            place[:2, 3] = x + (beds - 1) * (1.0 + BED_GAP) * bed.real, y
+            node = f'{name.rpartition("_")[0]}_{copy + 1}'
+            scene.add_geometry(mesh, node_name=node, geom_name=name, transform=place)
+            x += width + PART_GAP
+    return scene.export(file_type='3mf'), beds
+
+
+def glb(legs: Sequence[PlacedLeg]) -> bytes:
+    """Return the assembled robot as GLB in metres, y up, its cranks' joints at 0."""
+    scene = _scene()
+    meshes: dict[Part, Any] = {}
+    up = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+    for placed in legs:
+        for number, part in enumerate(placed.parts):
+            if part not in meshes:
+                meshes[part] = _coloured(solid(part, VIEW_TOLERANCE).apply_scale(1.0 / MM), part)
+            scene.add_geometry(
+                meshes[part],
+                geom_name=f'{part.legs}/{part.name}',
+                node_name=f'{placed.leg.prefix}{part.name}/{number}',
+                transform=up @ placed.pose(part.body, placed.stack.motion.nearest(placed.leg.phase)),
+            )
+    content: bytes = scene.export(file_type='glb')
+    return content
+
+
+def _coloured(mesh: Any, part: Part) -> Any:
+    from trimesh.visual import TextureVisuals  # noqa: PLC0415 - an extra
+    from trimesh.visual.material import PBRMaterial  # noqa: PLC0415 - an extra
+
+    colour = HARDWARE_COLOUR if part.role.is_hardware or part.role is Role.SPACER else FRAME_COLOUR
+    if part.role in {Role.LINK, Role.CRANK}:
+        colour = colour_of(part.body)
+    rgba = [*bytes.fromhex(colour[1:]), 255]
+    mesh.visual = TextureVisuals(material=PBRMaterial(baseColorFactor=rgba, metallicFactor=0.1))
+    return mesh
+
+
+def _scene() -> Any:
+    try:
+        from trimesh import Scene  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise NoSolidsError(error) from error
+
+    return Scene()
