@@ -23,6 +23,7 @@ EXTRAS = {
     'view': ['aiohttp>=3.9.1'],
     'dxf': ['ezdxf'],
     'parquet': ['pyarrow'],
+    'parts': ['lxml', 'manifold3d', 'networkx', 'trimesh'],
     'sim': ['mujoco'],
 }
 # Who has a cluster knows it; nobody else wants 80 MB of Ray.
@@ -35,8 +36,11 @@ EXTRAS['test'] = [
     'fonttools',
     'hypothesis',
     'junitparser',
+    'lxml',
+    'manifold3d',
     'mcap-ros2-support',
     'mujoco',
+    'networkx',
     'pandas',
     'playwright',
     'pyarrow',
@@ -48,6 +52,7 @@ EXTRAS['test'] = [
     'rosbags',
     'scipy',
     'shapely',
+    'trimesh',
     'xacro',
     'yourdfpy',
 ]

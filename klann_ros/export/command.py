@@ -1,4 +1,4 @@
-"""`export`: a robot as MJCF and URDF, and its plates for the cutter as SVG and DXF."""
+"""`export`: a robot as MJCF and URDF, its plates for a cutter, and its parts for a printer."""
 
 import argparse
 from collections.abc import Sequence
@@ -24,24 +24,23 @@ from klann_ros.twin import robot_mjcf
 
 from .assembly import assembly, spacers
 from .drawing import drawing, dxf, NoEzdxfError, svg
-from .layers import layers
-from .plates import ExportError, Plate, plates, slot_conflict
+from .parts import CLEARANCE, distinct_parts, PartSizes, placed_legs, PlacedLeg
+from .plates import ExportError, slot_conflict
 from .ros2_control import ros2_control_files
+from .solids import glb, NoSolidsError, stl_files, three_mf
 from .urdf import urdf
 from .weights import weighed_file
 
 # Defaults [mm].
 HOLE, THICKNESS, WASHER = 3.2, 3.0, 0.5
-# Default width of links: a multiple of the hole, but at least a part of the linkage's size.
-WIDTH_BY_HOLE, WIDTH_BY_SIZE = 3.0, 0.04
 # Length of a sliding body without bars, as a part of the linkage's size.
 SLIDER_LENGTH = 0.1
-FORMATS = ('mjcf', 'urdf', 'svg', 'dxf', 'assembly')
-PLATES = ('svg', 'dxf', 'assembly')
+FORMATS = ('mjcf', 'urdf', 'svg', 'dxf', 'assembly', '3mf', 'glb')
+FOLDERS = ('ros2-control', 'stl')
+PLATES = ('svg', 'dxf', 'assembly', '3mf', 'glb', 'stl')
 WEIGHED = 'weighed'
-ROS2_CONTROL = '--ros2-control'
 DESCRIPTION = """\
-Write a leg or a walker for MuJoCo, ROS or a laser cutter; several formats at once.
+Write a leg or a walker for MuJoCo, ROS, a laser cutter or a printer; several formats at once.
 
 FILE is a parameter file of solver_node, a linkage's YAML file, or a shipped name: sem104."""
 EPILOG = """\
@@ -54,43 +53,51 @@ FILE, or a YAML file."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Export a robot; return the exit code."""
-    codes = {NoEzdxfError: NOT_WRITTEN, RobotFileError: NOT_READ, ValueError: NOT_READ}
+    codes = {
+        NoEzdxfError: NOT_WRITTEN,
+        NoSolidsError: NOT_WRITTEN,
+        RobotFileError: NOT_READ,
+        ValueError: NOT_READ,
+    }
     return _parser().run(_export, codes, argv)
 
 
 def _export(options: argparse.Namespace) -> int:
     """Write the files that the options ask for; return the exit code."""
-    if all(getattr(options, name) is None for name in (*FORMATS, WEIGHED, 'ros2_control')):
-        names = ', '.join(f'--{name}' for name in FORMATS)
-        raise UsageError(f'no output is given; one of {names}, {ROS2_CONTROL} is needed')
+    folders = {f'--{name}': getattr(options, name.replace('-', '_')) for name in FOLDERS}
+    folders = {option: folder for option, folder in folders.items() if folder is not None}
+    outputs = *FORMATS, WEIGHED
+    if not folders and all(getattr(options, name) is None for name in outputs):
+        names = ', '.join(f'--{name}' for name in (*FORMATS, *FOLDERS))
+        raise UsageError(f'no output is given; one of {names} is needed')
     robot = robot_of(options.file)
     if options.bar_density is not None:
         robot = robot.with_rods(options.bar_density, slider_length=SLIDER_LENGTH)
-    outputs = *FORMATS, WEIGHED
     files = output_files(options, outputs, [options.file], refuse_yaml=FORMATS)
     if options.weighed is not None:
         if lexists(options.weighed):
             raise ExportError(f'--{WEIGHED} {printable(options.weighed)} is there already')
         if options.plate_density is None or options.scale != 1.0:
             raise ExportError(f'--{WEIGHED} needs --plate-density, and no --scale')
-    folder = options.ros2_control
-    if folder is not None:
-        check_new_folder(ROS2_CONTROL, folder, [options.file])
+    for option, folder in folders.items():
+        check_new_folder(option, folder, [options.file])
     # All contents before the first file is written: an error leaves no partial set.
-    contents = _contents(robot, options)
-    control = ros2_control_files(options.file, robot) if folder is not None else {}
+    contents, folder_contents = _contents(robot, options)
     for output in files:
         output.write(contents[output.option])
         print(f'written: {output.option} {printable(output.path)}')
-    if folder is not None:
-        save_folder(ROS2_CONTROL, folder, control)
-        print(f'written: {ROS2_CONTROL} {printable(folder)}: {", ".join(control)}')
+    for option, folder in folders.items():
+        save_folder(option, folder, folder_contents[option])
+        print(f'written: {option} {printable(folder)}: {", ".join(folder_contents[option])}')
     return 0
 
 
-def _contents(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
-    """Return the content of each file, by its option."""
+def _contents(
+    robot: Robot, options: argparse.Namespace
+) -> tuple[dict[str, bytes], dict[str, dict[str, bytes]]]:
+    """Return the content of each file, and the files of each folder, by its option."""
     contents: dict[str, bytes] = {}
+    folders: dict[str, dict[str, bytes]] = {}
     if options.mjcf is not None:
         contents['--mjcf'] = robot_mjcf(robot).encode()
         for origin in dict.fromkeys(leg.masses.origin for leg in robot.legs if leg.masses):
@@ -101,26 +108,43 @@ def _contents(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
         if robot.is_walker and separator != SEPARATORS[0]:
             joints = f'{robot.joint_names(separator)[0]} ... of the URDF'
             print(f'solver_node needs joint_separator: {separator} for {joints}')
+    if options.ros2_control is not None:
+        folders['--ros2-control'] = ros2_control_files(options.file, robot)
     if any(getattr(options, name) is not None for name in (*PLATES, WEIGHED)):
-        contents |= _plates(robot, options)
-    return contents
+        legs = placed_legs(robot, _sizes(options), options.scale)
+        contents |= _plates(robot, legs, options)
+        if options.glb is not None:
+            contents['--glb'] = glb(legs)
+        if options.stl is not None:
+            folders['--stl'] = stl_files(distinct_parts(legs))
+        if getattr(options, '3mf') is not None:
+            contents['--3mf'], bed_count = three_mf(distinct_parts(legs), options.bed)
+            print(f'{counted(bed_count, "bed")} of {options.bed.real:g} x {options.bed.imag:g} mm')
+    return contents, folders
 
 
-def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
-    """Return the content of each file of plates, by its option; print their numbers."""
+def _sizes(options: argparse.Namespace) -> PartSizes:
+    """Return the sizes of parts that the options give [m]."""
     holes = {name: mm / 1e3 for name, mm in options.hole or ()}
-    hole = holes.pop('', HOLE / 1e3)
-    linkages = dict.fromkeys(leg.linkage.scaled(options.scale) for leg in robot.legs)
-    widest = 1e3 * max(hole, *holes.values(), 0.0)
-    longest = 1e3 * max(linkage.size for linkage in linkages)
-    width = options.width or max(WIDTH_BY_HOLE * widest, WIDTH_BY_SIZE * longest)
-    robot_plates = plates(robot, hole=hole, width=width / 1e3, scale=options.scale, holes=holes)
-    plates_of: dict[str, list[Plate]] = {}
+    return PartSizes(
+        hole=holes.pop('', HOLE / 1e3),
+        holes=holes,
+        width=options.width and options.width / 1e3,
+        thickness=options.thickness / 1e3,
+        washer=options.washer / 1e3,
+        clearance=options.clearance / 1e3,
+    )
+
+
+def _plates(
+    robot: Robot, legs: Sequence[PlacedLeg], options: argparse.Namespace
+) -> dict[str, bytes]:
+    """Return the content of each file of parts, by its option; print their numbers."""
+    stacks = [*{leg.leg.linkage: leg.stack for leg in legs}.values()]
+    robot_plates = [*chain.from_iterable(stack.plates for stack in stacks)]
     for plate in robot_plates:
-        plates_of.setdefault(plate.legs, []).append(plate)
         if warning := slot_conflict(plate):
             print(f'export: {warning}: they need a plate each', file=sys.stderr)
-    stacks = list(map(layers, linkages, plates_of.values()))
     rings = chain.from_iterable(map(spacers, stacks))
     sheet = drawing([*robot_plates, *rings], kerf=options.kerf / 1e3)
     contents: dict[str, bytes] = {}
@@ -136,7 +160,9 @@ def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
         contents['--assembly'] = page.encode()
     plate_count = counted(sum(plate.count for plate in robot_plates), 'plate')
     layer_count = counted(max(stack.count for stack in stacks), 'layer')
-    widths = f'bars {width:.4g} mm wide, holes {1e3 * hole:g} mm'
+    widths = (
+        f'bars {1e3 * robot_plates[0].width:.4g} mm wide, holes {1e3 * _sizes(options).hole:g} mm'
+    )
     size = f'{sheet.size.real:.0f} x {sheet.size.imag:.0f} mm'
     print(f'{plate_count}, {widths}, in {layer_count}, drawn on {size}')
     for stack in stacks:
@@ -150,7 +176,14 @@ def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
 
 _positive = number_type(lambda n: 0.0 < n < 1e6, 'a number > 0 (and < 1e6)')
 _not_negative = number_type(lambda n: 0.0 <= n < 1e6, 'a number >= 0 (and < 1e6)')
+_side = number_type(lambda n: 0.0 < n < 1e6, 'a width and a depth in mm, such as 220x220')
 _diameter = number_type(lambda n: 0.0 < n < 1e6, 'a diameter in mm, such as 4.2 or A=6')
+
+
+def _bed(text: str) -> complex:
+    """Return the width and depth in WIDTHxDEPTH."""
+    width, _, depth = text.partition('x')
+    return complex(_side(width), _side(depth))
 
 
 def _hole(text: str) -> tuple[str, float]:
@@ -166,7 +199,7 @@ def _parser() -> ArgumentParser:
     add('--mjcf', metavar='OUT.xml', help='a model of MuJoCo, with its masses')
     add('--urdf', metavar='OUT.urdf', help='for robot_state_publisher')
     control = 'a new folder: the walker in MuJoCo or on hardware, by ros2_control'
-    add(ROS2_CONTROL, metavar='FOLDER', type=path, help=control)
+    add('--ros2-control', metavar='FOLDER', type=path, help=control)
     separator = "between a leg's name and its joint's in the URDF (_), as solver_node's parameter"
     add('--joint-separator', choices=SEPARATORS, default='_', help=separator)
     add('--svg', metavar='OUT.svg', help='the plates, in mm')
@@ -174,6 +207,12 @@ def _parser() -> ArgumentParser:
     cad = 'SVG and DXF for programs that extrude: filled plates; LINE and ARC, no polylines'
     add('--cad', action='store_true', help=cad)
     add('--assembly', metavar='OUT.svg', help='the leg layer by layer, with screws and spacers')
+    stl = "a new folder: each part for a printer, its number in its name (extra 'parts')"
+    add('--stl', metavar='FOLDER', type=path, help=stl)
+    add('--3mf', metavar='OUT.3mf', help="all parts on a printer's beds (extra 'parts')")
+    bed = 'size of a bed for --3mf [mm], 220x220'
+    add('--bed', metavar='WIDTHxDEPTH', type=_bed, default=220 + 220j, help=bed)
+    add('--glb', metavar='OUT.glb', help="the assembled robot, to look at (extra 'parts')")
     hole = f'diameter of holes [mm], {HOLE}: for M3; A=6 of a joint; repeatable'
     add('--hole', metavar='[JOINT=]MM', type=_hole, action='append', help=hole)
     size = partial(add, metavar='MM')
@@ -182,6 +221,8 @@ def _parser() -> ArgumentParser:
     size('--thickness', type=_positive, default=THICKNESS, help=thickness)
     washer = f'thickness between two layers [mm], {WASHER:g}; 0 for none'
     size('--washer', type=_not_negative, default=WASHER, help=washer)
+    clearance = f'added to the diameter of printed holes and slots [mm], {1e3 * CLEARANCE:g}'
+    size('--clearance', type=_not_negative, default=1e3 * CLEARANCE, help=clearance)
     size('--width', type=_positive, help='width of bars [mm]; 4 %% of the size')
     weighed = "a new linkage's file: FILE with the masses of its plates"
     add(f'--{WEIGHED}', metavar='OUT.yaml', help=weighed)

@@ -12,10 +12,11 @@ against the normal: the ground, outermost in most legs, is at the side of the ro
 ['ground', 'crank', 'coupler', 'rocker', 'pin A']
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 from klann_ros.dynamics import BodyMass
@@ -30,8 +31,8 @@ from .plates import ExportError, Hole, Plate, plates, Slot
 
 # Width of links: a multiple of the widest hole, but at least a part of the linkage's size.
 WIDTH_BY_HOLE, WIDTH_BY_SIZE = 3.0, 0.04
-# Clearance of a hole, as a part of its diameter: less than the least wall around it.
-MAX_CLEARANCE = 0.25
+# Added to the diameter of printed holes [m]; more is at most this part of the diameter.
+CLEARANCE, MAX_CLEARANCE = 0.2e-3, 0.25
 # Height of a pin's head, as a part of its diameter, but at most a plate's thickness.
 HEAD_HEIGHT = 0.8
 
@@ -68,14 +69,14 @@ class PartSizes:
     width: float | None = None
     thickness: float = 3e-3
     washer: float = 0.5e-3
-    clearance: float = 0.2e-3
+    clearance: float = CLEARANCE
 
     def __post_init__(self) -> None:
         """Refuse sizes that no part can have."""
         min_hole = min([self.hole, *self.holes.values()])
-        if not 0.0 <= self.clearance < MAX_CLEARANCE * min_hole:
+        if not 0.0 <= self.clearance <= max(CLEARANCE, MAX_CLEARANCE * min_hole):
             raise ExportError(
-                f'clearance = {self.clearance * 1e3:g} mm is refused: >= 0, and less than a '
+                f'clearance = {self.clearance * 1e3:g} mm is refused: >= 0, and at most a '
                 f'quarter of the smallest hole, {min_hole * 1e3:g} mm'
             )
         if not (self.thickness > 0.0 and self.washer >= 0.0):
@@ -186,8 +187,13 @@ def leg_parts(linkage: Linkage, sizes: PartSizes = PartSizes()) -> tuple[Part, .
 
 def robot_parts(robot: Robot, sizes: PartSizes = PartSizes()) -> tuple[Part, ...]:
     """Return the parts of a robot, those of equal legs once with their count; as `leg_parts`."""
-    distinct = {placed.leg.linkage: placed.parts for placed in placed_legs(robot, sizes)}
-    return tuple(part for parts in distinct.values() for part in parts)
+    return distinct_parts(placed_legs(robot, sizes))
+
+
+def distinct_parts(legs: Iterable[PlacedLeg]) -> tuple[Part, ...]:
+    """Return the parts of legs, those of equal legs once."""
+    parts_of = {placed.leg.linkage: placed.parts for placed in legs}
+    return tuple(chain.from_iterable(parts_of.values()))
 
 
 def placed_legs(

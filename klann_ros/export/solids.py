@@ -167,7 +167,7 @@ def three_mf(parts: Sequence[Part], bed: complex) -> tuple[bytes, int]:
             place = np.eye(4)
             place[:2, 3] = x + (beds - 1) * (1.0 + BED_GAP) * bed.real, y
             node = f'{name.rpartition("_")[0]}_{copy + 1}'
-            scene.add_geometry(mesh, node_name=node, geom_name=name, transform=place)
+            _add(scene, mesh, name, node, place)
             x += width + PART_GAP
     return scene.export(file_type='3mf'), beds
 
@@ -178,15 +178,13 @@ def glb(legs: Sequence[PlacedLeg]) -> bytes:
     meshes: dict[Part, Any] = {}
     up = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
     for placed in legs:
+        sample = placed.stack.motion.nearest(placed.leg.phase)
         for number, part in enumerate(placed.parts):
             if part not in meshes:
                 meshes[part] = _coloured(solid(part, VIEW_TOLERANCE).apply_scale(1.0 / MM), part)
-            scene.add_geometry(
-                meshes[part],
-                geom_name=f'{part.legs}/{part.name}',
-                node_name=f'{placed.leg.prefix}{part.name}/{number}',
-                transform=up @ placed.pose(part.body, placed.stack.motion.nearest(placed.leg.phase)),
-            )
+            pose = up @ placed.pose(part.body, sample)
+            name = f'{part.legs}/{part.name}/{number}'
+            _add(scene, meshes[part], name, f'{placed.leg.prefix}{part.name}/{number}', pose)
     content: bytes = scene.export(file_type='glb')
     return content
 
@@ -210,3 +208,9 @@ def _scene() -> Any:
         raise NoSolidsError(error) from error
 
     return Scene()
+
+
+def _add(scene: Any, mesh: Any, name: str, node: str, pose: Any) -> None:
+    """Add a copy of a mesh to a scene, which holds the mesh once by its name."""
+    scene.geometry.setdefault(name, mesh)
+    scene.graph.update(frame_to=node, matrix=pose, geometry=name)

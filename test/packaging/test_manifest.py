@@ -20,6 +20,7 @@ MODULES = {
     'fontTools': ('fonttools', ''),
     'jsonschema': ('jsonschema', 'python3-jsonschema'),
     'lz4': ('lz4', ''),
+    'manifold3d': ('manifold3d', ''),
     'matplotlib': ('matplotlib', 'python3-matplotlib'),
     'mcap': ('mcap', ''),
     'mujoco': ('mujoco', 'python3-mujoco-pip'),
@@ -31,6 +32,7 @@ MODULES = {
     'ray': ('ray', ''),
     'scipy': ('scipy', ''),
     'tqdm': ('tqdm', 'python3-tqdm'),
+    'trimesh': ('trimesh', ''),
     'yaml': ('PyYAML', 'python3-yaml'),
     'zstandard': ('zstandard', ''),
 }

@@ -1,0 +1,147 @@
+"""Solids for a printer: closed, of the computed volume, with true holes, free of each other."""
+
+from dataclasses import replace
+from functools import cache
+from io import BytesIO
+from itertools import combinations
+from pathlib import Path
+import sys
+
+from klann_ros.export import Part, PartSizes, placed_legs, PlacedLeg, robot_parts
+from klann_ros.export.command import main
+from klann_ros.export.solids import glb, printed_parts, solid, stl_files, three_mf
+from klann_ros.robot import robot_from_file, robot_of
+from manifold3d import Manifold, Mesh
+import numpy as np
+import pytest
+import trimesh
+
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
+LINKAGES = ['klann', 'jansen', 'stephenson', 'slider_crank', 'quick_return', 'watt_six_bar']
+CLEARANCE = 0.3e-3
+SIZES = PartSizes(clearance=CLEARANCE)
+
+
+@cache
+def leg_of(name: str) -> PlacedLeg:
+    return placed_legs(robot_of(name), SIZES)[0]
+
+
+@cache
+def mesh_of(part: Part) -> trimesh.Trimesh:
+    return solid(part)
+
+
+@pytest.mark.parametrize('name', LINKAGES)
+def test_every_part_is_closed_and_has_the_volume_in_closed_form(name: str) -> None:
+    for part in leg_of(name).parts:
+        mesh = mesh_of(part)
+        assert mesh.is_watertight
+        assert mesh.body_count == 1
+        assert mesh.volume == pytest.approx(1e9 * part.volume, rel=5e-4), part.name
+
+
+@pytest.mark.parametrize('name', LINKAGES)
+def test_holes_are_as_wide_as_asked_with_their_clearance(name: str) -> None:
+    leg = leg_of(name)
+    for plate, part in zip(leg.stack.plates, leg.parts, strict=False):
+        vertices = mesh_of(part).vertices
+        plane = vertices[:, 0] + 1j * vertices[:, 1]
+        for hole in plate.holes:
+            distances = 2.0 * abs(plane - 1e3 * hole.at)
+            rim = distances[distances < 1e3 * hole.diameter + 1.0]
+            assert rim == pytest.approx(1e3 * (hole.diameter + CLEARANCE), abs=0.01)
+
+
+@pytest.mark.parametrize('name', ['klann', 'slider_crank'])
+def test_parts_keep_their_clearance_over_a_turn(name: str) -> None:
+    leg = leg_of(name)
+    joined = {}
+    for shaft in leg.stack.shafts:
+        joined[shaft.name] = {leg.stack.plates[p].name for p in shaft.plates} | {shaft.name}
+    meshes = [solid(part, VIEW_TOLERANCE) for part in leg.parts]
+    for sample in range(0, len(leg.stack.motion.angles), 600):
+        solids = []
+        for part, mesh in zip(leg.parts, meshes, strict=True):
+            placed = mesh.copy().apply_transform(leg.pose(part.body, sample) * MM_POSE)
+            shape = Mesh(np.float32(placed.vertices), np.uint32(placed.faces))
+            name_or_pin = part.name.partition(' ')[2] or part.name
+            solids.append((name_or_pin, heights(part), Manifold(shape)))
+        for (name_a, heights_a, solid_a), (name_b, heights_b, solid_b) in combinations(solids, 2):
+            if name_b in joined.get(name_a, ()) or name_a in joined.get(name_b, ()):
+                assert (solid_a ^ solid_b).volume() < 1e-3
+            elif heights_a[0] < heights_b[1] - 1e-9 and heights_b[0] < heights_a[1] - 1e-9:
+                assert solid_a.min_gap(solid_b, 0.5) > 0.45, (name_a, name_b)
+
+
+# A pose in metres for vertices in millimetres.
+MM_POSE = np.array([[1.0, 1.0, 1.0, 1e3]] * 3 + [[1.0] * 4])
+VIEW_TOLERANCE = 5e-5
+
+
+def heights(part: Part) -> tuple[float, float]:
+    return min(prism.low for prism in part.prisms), max(prism.high for prism in part.prisms)
+
+
+def test_printed_parts_lie_flat_with_the_larger_face_down() -> None:
+    meshes = printed_parts(leg_of('klann').parts)
+    assert sum(count for _, count in meshes.values()) == len(leg_of('klann').parts)
+    for mesh, _ in meshes.values():
+        assert mesh.bounds[0] == pytest.approx(0.0, abs=1e-9)
+        assert mesh.extents[0] >= mesh.extents[1] - 0.01
+        faces = mesh.area_faces * (mesh.face_normals[:, 2] * [[-1.0], [1.0]] > 0.99)
+        low = faces[0][mesh.triangles_center[:, 2] < 1e-6].sum()
+        high = faces[1][mesh.triangles_center[:, 2] > mesh.extents[2] - 1e-6].sum()
+        assert low >= high - 1e-6
+
+
+def test_a_walker_is_printed_leg_by_leg_on_beds_without_overlap() -> None:
+    robot = robot_from_file(str(CONFIG / 'walker6.yaml'))
+    legs = placed_legs(robot, SIZES, 0.2)
+    parts = legs[0].parts
+    content, beds = three_mf(parts, 200 + 180j)
+    scene = trimesh.load(BytesIO(content), file_type='3mf')
+    assert scene.units == 'millimeter'
+    assert len(scene.graph.nodes_geometry) == 6 * len(parts)
+    assert beds > 1
+    boxes = []
+    for node in scene.graph.nodes_geometry:
+        pose, name = scene.graph[node]
+        low, high = scene.geometry[name].bounds[:, :2] + pose[:2, 3]
+        bed = low[0] // 240.0
+        assert low.min() >= 3.99
+        assert high[0] - 240.0 * bed <= 196.01
+        assert high[1] <= 176.01
+        boxes.append((low, high))
+    for (low_a, high_a), (low_b, high_b) in combinations(boxes, 2):
+        assert ((low_b > high_a + 3.99) | (low_a > high_b + 3.99)).any()
+    assembled = trimesh.load(BytesIO(glb(legs)), file_type='glb')
+    assert len(assembled.graph.nodes_geometry) == 6 * len(parts)
+    # y is up, and z to the right: the mounts are at 70 mm.
+    assert abs(assembled.bounds[:, 2]) == pytest.approx([0.085, 0.085], abs=0.005)
+
+
+def test_files_have_plain_names_with_their_number(tmp_path: Path) -> None:
+    parts = robot_parts(robot_of('chebyshev'), SIZES)
+    hostile = [replace(parts[0], name='../\u00e9 /x'), replace(parts[1], name='../\u00e8 /x')]
+    assert [*stl_files(hostile)] == ['frame_x_x1.stl', 'crank_x_x1.stl']
+    folder = tmp_path / 'parts'
+    assert main(['chebyshev', '--stl', str(folder)]) == 0
+    assert {path.suffix for path in folder.iterdir()} == {'.stl'}
+    rocker = trimesh.load(folder / 'link_rocker_x1.stl')
+    assert rocker.is_watertight
+    assert rocker.extents[2] == pytest.approx(3.0)
+
+
+def test_a_part_larger_than_the_bed_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / 'klann.3mf'
+    assert main(['jansen', '--3mf', str(out)]) == 2
+    assert 'larger than the bed' in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_without_the_extra_a_line_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, 'manifold3d', None)
+    assert main(['klann', '--scale', '0.2', '--glb', '/dev/null']) == 3
