@@ -7,6 +7,7 @@ from math import isnan
 
 from klann_ros.cli import ArgumentParser, NOT_READ, number_type, output_files, path, save_texts
 from klann_ros.dynamics import MassError
+from klann_ros.export import weighed
 from klann_ros.kinematics import LinkageLeg
 from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.sanitize.text import printable_line
@@ -46,7 +47,9 @@ def _describe(options: argparse.Namespace) -> int:
     files = output_files(options, names, inputs, refuse_yaml=names)
     motor = motor_from_file(options.motor) if options.motor is not None else None
     robot = robot_of(options.file)
-    if options.bar_density is not None:
+    if options.bar_density is None:
+        robot = weighed(options.file, robot)
+    else:
         robot = robot.with_rods(options.bar_density)
     numbers = {'speed': options.speed, 'load': options.load}
     sheet = data_sheet(robot, **numbers, motor=motor, margins=options.margins)

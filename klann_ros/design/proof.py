@@ -14,7 +14,7 @@ from klann_ros.sanitize.text import printable
 import numpy as np
 
 from .figures import crank_angles, sheet_figures
-from .leg_file import leg_text, parameter_text, walker_parameters, with_numbers
+from .leg_file import leg_text, parameter_text, walker_parameters, weighed_leg, with_numbers
 from .refine import path_error, point_error
 from .requirements import Limit, Requirements
 from .space import Space
@@ -137,6 +137,11 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     non_turning_fraction = _non_turning_fraction(leg.linkage, requirements.tolerance)
     figures['turning_fraction'] = 1.0 - non_turning_fraction
     walker = None
+    if requirements.parts:
+        try:
+            leg = weighed_leg(leg, requirements.parts)
+        except ValueError as error:
+            raise ProofError(str(error)) from error
     if requirements.walker is not None:
         walker, walker_figures = _walker(leg, requirements)
         figures |= walker_figures

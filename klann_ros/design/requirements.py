@@ -1,6 +1,6 @@
 """Requirements: the linkages, what may vary, and the figures that are aimed at or limited."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 import json
@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.datasheet import Motor, motor_from_file, MotorFileError
-from klann_ros.kinematics import schema_error, Structure
+from klann_ros.export import converted, ExportError, materials, part_settings
+from klann_ros.kinematics import schema_error, SHIPPED, Structure
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.robot import preset_names, robot_of, RobotFileError, RobotLeg
+from klann_ros.robot import preset_names, Robot, robot_of, RobotFileError, RobotLeg
 from klann_ros.sanitize.text import did_you_mean, printable
 from klann_ros.sanitize.units import warn_of_lengths
-from klann_ros.sanitize.yaml_text import content_of_file
+from klann_ros.sanitize.yaml_text import content_of_file, parse
 import numpy as np
 
 from .areas import Area, area_clearance, areas_from
@@ -71,7 +72,7 @@ class Requirements:
 
     There is at least one aim. `load` is that on the foot in stance [N], `speed` that of the crank
     [rad/s], `tolerance` the half-width of all lengths [m], `count` the greatest number of legs
-    returned. A search is resumed by `text`, the requirements as given; `units` are theirs, in
+    returned; `parts` are the settings of the parts by which legs are weighed [m]. A search is resumed by `text`, the requirements as given; `units` are theirs, in
     which answers are shown.
     """
 
@@ -88,6 +89,7 @@ class Requirements:
     tolerance: float = 0.0
     motor: Motor | None = None
     walker: Mapping[str, Any] | None = None
+    parts: Mapping[str, Any] | None = None
     count: int = DEFAULT_COUNT
     text: str = ''
 
@@ -212,6 +214,7 @@ def requirements_from(
         tolerance=metre * float(content.get('tolerance', 0.0)),
         motor=_motor(content['motor'], folder) if 'motor' in content else None,
         walker=content.get('walker'),
+        parts=_parts(content, metre, legs),
         # A schema's whole numbers may be written as 2.0.
         count=int(content.get('count', DEFAULT_COUNT)),
         text=json.dumps(content, sort_keys=True),
@@ -316,6 +319,28 @@ def _motor(name: str, folder: Path) -> Motor:
 def _beside(name: str, folder: Path) -> str:
     """Return a file's path, beside the file of requirements if it is there."""
     return str(folder / name) if (folder / name).is_file() else name
+
+
+def _parts(
+    content: Mapping[str, Any], metre: float, legs: Sequence[RobotLeg]
+) -> Mapping[str, Any] | None:
+    """Return the settings of parts of the walker and the linkages [m]; None without a material."""
+    walker = content.get('walker', {})
+    walker_parts = walker.get('parts', {})
+    linkage = parse((SHIPPED / 'klann.yaml').read_text(encoding='utf-8'))
+    problem = schema_error({**linkage, 'parts': walker_parts})
+    if not problem and walker_parts and 'bar_density' in walker:
+        problem = 'parts and bar_density exclude each other'
+    try:
+        settings = part_settings(Robot('', tuple(legs)))
+        if not problem and (walker_parts or 'material' in settings):
+            settings |= converted(walker_parts, metre)
+            materials(settings)
+    except ExportError as error:
+        problem = str(error)
+    if problem:
+        raise RequirementsError(f'walker: {problem}')
+    return settings if 'material' in settings else None
 
 
 def _leg(name: str, folder: Path) -> RobotLeg:

@@ -118,7 +118,7 @@ class Masses:
     The masses of a linkage's bodies, the crank's first, and its springs.
 
     `basis` says what they were computed from, by a `density`; `foot_mass` is the part of a foot
-    that was added to a body [kg].
+    that was added to a body [kg]; `source` is what the file says about masses by body.
     """
 
     bodies: tuple[BodyMass, ...]
@@ -127,6 +127,7 @@ class Masses:
     basis: MassBasis = MassBasis.BODIES
     density: float = 0.0
     foot_mass: float = 0.0
+    source: str = ''
 
     def __post_init__(self) -> None:
         for number, body in enumerate(self.bodies):
@@ -142,7 +143,7 @@ class Masses:
         """Return what they were computed from, as words behind a mass."""
         count = len(self.springs) + len(self.torsion_springs)
         springs = f', with {counted(count, "spring")}' if count else ''
-        return self.basis.value.format(self.density) + springs
+        return (printable(self.source) or self.basis.value.format(self.density)) + springs
 
     @property
     def by_file(self) -> 'Masses':
@@ -264,11 +265,14 @@ def masses_from_text(
     bodies = settings['bodies']
     missing = [angle for angle in linkage.joint_names if 'mass' not in bodies[angle]]
     body_masses = tuple(_body(bodies[angle], metre) for angle in linkage.joint_names)
-    masses = Masses(body_masses, tension, torsion)
+    masses = Masses(body_masses, tension, torsion, source=settings.get('mass_source', ''))
     if density is None and 'density' in settings:
         weighed = set(linkage.joint_names) - set(missing)
         if any(body.rigid and body.angle in weighed for body in linkage.structure.bodies):
             both = 'has both density and masses: leave one of them out'
+            raise MassError(f'{printable(name)} {both}')
+        if 'material' in settings.get('parts', ()):
+            both = 'has both density and parts.material: leave one of them out'
             raise MassError(f'{printable(name)} {both}')
         density = settings['density']
     if density is not None:

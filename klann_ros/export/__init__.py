@@ -32,6 +32,14 @@ from .parts import (
 )
 from .plates import ExportError, Plate, plates
 from .urdf import urdf
+from .weights import (
+    converted,
+    materials,
+    part_settings,
+    part_sizes,
+    weighed,
+    weighed_description,
+)
 
 __all__ = [
     'Drawing',
@@ -45,14 +53,20 @@ __all__ = [
     'Prism',
     'Role',
     'assembly',
+    'converted',
     'drawing',
     'dxf',
     'layers',
     'leg_parts',
+    'materials',
+    'part_settings',
+    'part_sizes',
     'placed_legs',
     'plates',
     'polyline',
     'robot_parts',
     'svg',
     'urdf',
+    'weighed',
+    'weighed_description',
 ]
