@@ -7,7 +7,7 @@ from math import isnan
 
 from klann_ros.cli import ArgumentParser, NOT_READ, number_type, output_files, path, save_texts
 from klann_ros.dynamics import MassError
-from klann_ros.export import weighed
+from klann_ros.export import ExportError, weighed
 from klann_ros.kinematics import LinkageLeg
 from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.sanitize.text import printable_line
@@ -22,7 +22,9 @@ from .text import sheet_text
 
 # The exit code for a motor that cannot turn the cranks.
 MOTOR_FAILS = 1
-DESCRIBE_ERRORS = dict.fromkeys((RobotFileError, MotorFileError, MassError, SheetError), NOT_READ)
+DESCRIBE_ERRORS = dict.fromkeys(
+    (RobotFileError, MotorFileError, MassError, SheetError, ExportError), NOT_READ
+)
 DESCRIPTION = """\
 Describe a leg or a walker before it is built: bars, the path of the foot, transmission angles,
 masses, crank torque, joint forces, and whether a motor can turn it.

@@ -5,7 +5,6 @@ from math import pi
 from typing import Any
 
 from klann_ros.dynamics import ASSUMED_DENSITY
-from klann_ros.export import part_sizes, weighed_description
 from klann_ros.kinematics import (
     content_with_numbers,
     foot_path,
@@ -17,7 +16,7 @@ from klann_ros.kinematics import (
     NUMBER_DIGITS,
     NUMBERS,
 )
-from klann_ros.robot import Robot, robot_from_text, RobotLeg
+from klann_ros.robot import RobotLeg
 from klann_ros.sanitize.yaml_text import dump, parameter_file
 import numpy as np
 
@@ -65,13 +64,6 @@ def with_numbers(leg: RobotLeg, linkage: Linkage) -> RobotLeg:
     content['source'] = f'design, from the {content["name"]}'
     text = dump(content) + '\n'
     return RobotLeg('', linkage_from_text(text, 'the leg'), masses=leg.masses, description=text)
-
-
-def weighed_leg(leg: RobotLeg, parts: Mapping[str, Any]) -> RobotLeg:
-    """Return a leg with the masses of its parts, by their settings; an ExportError without any."""
-    sizes = part_sizes(parts, Robot('', (leg,)))
-    (weighed,) = robot_from_text(weighed_description(leg, parts, sizes), 'the leg').legs
-    return weighed
 
 
 def leg_text(leg: RobotLeg) -> str:

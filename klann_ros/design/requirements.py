@@ -1,6 +1,6 @@
 """Requirements: the linkages, what may vary, and the figures that are aimed at or limited."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 import json
@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.datasheet import Motor, motor_from_file, MotorFileError
-from klann_ros.export import converted, ExportError, materials, part_settings
+from klann_ros.export import ExportError, materials, part_settings
 from klann_ros.kinematics import schema_error, SHIPPED, Structure
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.robot import preset_names, Robot, robot_of, RobotFileError, RobotLeg
+from klann_ros.robot import preset_names, robot_of, RobotFileError, RobotLeg
 from klann_ros.sanitize.text import did_you_mean, printable
 from klann_ros.sanitize.units import warn_of_lengths
 from klann_ros.sanitize.yaml_text import content_of_file, parse
@@ -72,8 +72,8 @@ class Requirements:
 
     There is at least one aim. `load` is that on the foot in stance [N], `speed` that of the crank
     [rad/s], `tolerance` the half-width of all lengths [m], `count` the greatest number of legs
-    returned; `parts` are the settings of the parts by which legs are weighed [m]. A search is resumed by `text`, the requirements as given; `units` are theirs, in
-    which answers are shown.
+    returned; `parts` are the settings of the parts by which legs are weighed [m]. A search is
+    resumed by `text`, the requirements as given; `units` are theirs, in which answers are shown.
     """
 
     spaces: tuple[Space, ...]
@@ -322,25 +322,23 @@ def _beside(name: str, folder: Path) -> str:
 
 
 def _parts(
-    content: Mapping[str, Any], metre: float, legs: Sequence[RobotLeg]
+    content: Mapping[str, Any], metre: float, legs: Iterable[RobotLeg]
 ) -> Mapping[str, Any] | None:
-    """Return the settings of parts of the walker and the linkages [m]; None without a material."""
-    walker = content.get('walker', {})
-    walker_parts = walker.get('parts', {})
+    """Return the settings of the parts of the leg [m]; None without a material."""
+    parts = content.get('parts', {})
     linkage = parse((SHIPPED / 'klann.yaml').read_text(encoding='utf-8'))
-    problem = schema_error({**linkage, 'parts': walker_parts})
-    if not problem and walker_parts and 'bar_density' in walker:
-        problem = 'parts and bar_density exclude each other'
+    if problem := schema_error({**linkage, 'parts': parts}):
+        raise RequirementsError(problem)
+    if parts and 'bar_density' in content.get('walker', {}):
+        raise RequirementsError('walker: bar_density and parts exclude each other')
+    settings = part_settings(legs, parts, metre)
+    if not parts and 'material' not in settings:
+        return None
     try:
-        settings = part_settings(Robot('', tuple(legs)))
-        if not problem and (walker_parts or 'material' in settings):
-            settings |= converted(walker_parts, metre)
-            materials(settings)
+        materials(settings)
     except ExportError as error:
-        problem = str(error)
-    if problem:
-        raise RequirementsError(f'walker: {problem}')
-    return settings if 'material' in settings else None
+        raise RequirementsError(str(error)) from error
+    return settings
 
 
 def _leg(name: str, folder: Path) -> RobotLeg:

@@ -32,14 +32,7 @@ from .parts import (
 )
 from .plates import ExportError, Plate, plates
 from .urdf import urdf
-from .weights import (
-    converted,
-    materials,
-    part_settings,
-    part_sizes,
-    weighed,
-    weighed_description,
-)
+from .weights import materials, part_settings, weighed, weighed_leg
 
 __all__ = [
     'Drawing',
@@ -53,14 +46,12 @@ __all__ = [
     'Prism',
     'Role',
     'assembly',
-    'converted',
     'drawing',
     'dxf',
     'layers',
     'leg_parts',
     'materials',
     'part_settings',
-    'part_sizes',
     'placed_legs',
     'plates',
     'polyline',
@@ -68,5 +59,5 @@ __all__ = [
     'svg',
     'urdf',
     'weighed',
-    'weighed_description',
+    'weighed_leg',
 ]

@@ -5,8 +5,8 @@ A printed part has solid walls, bottom and top, and an infill between them. Part
 have no mass in a file: the `body_mass` of a walker includes them.
 """
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from math import pi
 from typing import Any
 
@@ -26,7 +26,7 @@ from klann_ros.sanitize.yaml_text import dump, parse, parse_file
 import numpy as np
 
 from .outline import Outline, polyline
-from .parts import leg_parts, Part, PartSizes, Prism
+from .parts import Part, PartSizes, placed_legs, PlacedLeg, Prism
 from .plates import ExportError
 
 MATERIALS = {
@@ -46,8 +46,8 @@ MATERIALS = {
 }
 """Densities [kg/m^3]: the first five as in PrusaSlicer's profiles, others as in handbooks."""
 
-# Thickness of printed walls, bottoms and tops [m]: the mass is then within 3.5 % of the filament of
-# PrusaSlicer, with two perimeters and 4 and 5 solid layers of 0.2 mm.
+# Thickness of printed walls, bottoms and tops [m]: the mass is then within 3.5 % of the filament
+# that PrusaSlicer takes for two perimeters, and 4 and 5 solid layers of 0.2 mm.
 DEFAULT_WALL = 1e-3
 # Of a curve, to measure its length [m].
 CHORD_TOLERANCE = 1e-5
@@ -96,20 +96,28 @@ def _perimeter(curve: Outline) -> float:
     return float(abs(points - np.roll(points, 1)).sum())
 
 
-def part_settings(robot: Robot) -> dict[str, Any]:
-    """Return `parts` of the first leg whose file has them, lengths in [m]; empty without any."""
-    for leg in robot.legs:
+def part_settings(
+    legs: Iterable[RobotLeg], changes: Mapping[str, Any], unit: float
+) -> dict[str, Any]:
+    """Return `parts` of the first leg that has them in its file, changed by others [unit]; [m]."""
+    settings: dict[str, Any] = {}
+    for leg in legs:
         content = parse(leg.description) if leg.description else {}
         if 'parts' in content:
-            unit = content.get('units', {}).get('length', 'm')
-            settings = converted(content['parts'], LENGTH_UNITS[unit])
-            sizes = {f'parts.{name}': settings[name] for name in LENGTHS if name in settings}
-            warn_of_lengths(sizes, 'write units: {length: mm}', MAX_PART_SIZE)
-            return settings
-    return {}
+            settings = _converted(content['parts'], LENGTH_UNITS[_unit(content)])
+            break
+    settings |= _converted(changes, unit)
+    sizes = {f'parts.{name}': settings[name] for name in LENGTHS if name in settings}
+    warn_of_lengths(sizes, 'write units: {length: mm}', MAX_PART_SIZE)
+    return settings
 
 
-def converted(settings: Mapping[str, Any], unit: float) -> dict[str, Any]:
+def _unit(content: Mapping[str, Any]) -> str:
+    """Return the unit of lengths in a linkage's file."""
+    return str(content.get('units', {}).get('length', 'm'))
+
+
+def _converted(settings: Mapping[str, Any], unit: float) -> dict[str, Any]:
     """Return settings of parts with lengths in another unit, rounded as numbers of files."""
 
     def scaled(length: float) -> float:
@@ -117,14 +125,13 @@ def converted(settings: Mapping[str, Any], unit: float) -> dict[str, Any]:
 
     lengths = {name: scaled(settings[name]) for name in LENGTHS if name in settings}
     holes = {joint: scaled(hole) for joint, hole in settings.get('holes', {}).items()}
-    converted_settings = {**settings, **lengths, 'holes': holes}
-    return {name: setting for name, setting in converted_settings.items() if setting != {}}
+    converted = {**settings, **lengths, 'holes': holes}
+    return {name: setting for name, setting in converted.items() if setting != {}}
 
 
-def part_sizes(settings: Mapping[str, Any], robot: Robot) -> PartSizes:
-    """Return the sizes in settings; links of all legs have one width."""
-    sizes = PartSizes(**{name: settings[name] for name in SIZES if name in settings})
-    return replace(sizes, width=sizes.link_width(max(leg.linkage.size for leg in robot.legs)))
+def part_sizes(settings: Mapping[str, Any]) -> PartSizes:
+    """Return the sizes in settings of parts."""
+    return PartSizes(**{name: settings[name] for name in SIZES if name in settings})
 
 
 def materials(settings: Mapping[str, Any]) -> tuple[Material, Material]:
@@ -152,29 +159,35 @@ def _rounded(number: float) -> float:
     return float(f'{number:.9g}')
 
 
-def weighed_description(leg: RobotLeg, settings: Mapping[str, Any], sizes: PartSizes) -> str:
-    """
-    Return a leg's linkage as a file with the masses of its parts; settings have lengths in [m].
+def weighed_leg(leg: RobotLeg, settings: Mapping[str, Any]) -> RobotLeg:
+    """Return a leg with the masses of its parts; settings in [m]. Errors as `placed_legs`."""
+    (placed,) = placed_legs(Robot('', (leg,)), part_sizes(settings))
+    return robot_from_text(_description(placed, settings), 'the leg').legs[0]
 
-    An ExportError says that a material is missing or unknown, or that there are no such parts.
-    """
-    text = leg.description or (SHIPPED / 'klann.yaml').read_text(encoding='utf-8')
-    content = content_with_numbers(text, leg.linkage) if not leg.description else parse(text)
-    if not leg.description:
+
+def _description(placed: PlacedLeg, settings: Mapping[str, Any]) -> str:
+    """Return a leg's linkage as a file with the masses of its parts; settings in [m]."""
+    leg = placed.leg
+    if leg.description:
+        content = parse(leg.description)
+    else:
+        text = (SHIPPED / 'klann.yaml').read_text(encoding='utf-8')
+        content = content_with_numbers(text, leg.linkage)
         del content['start'], content['source']
         content['assembly'] = [*leg.linkage.assembly]
     material, pins = materials(settings)
     masses: dict[int, BodyMass] = {}
-    for part in leg_parts(leg.linkage, sizes):
+    for part in placed.parts:
         mass = (pins if part.role.is_hardware else material).mass(part)
         masses[part.body] = masses.get(part.body, BodyMass()).plus(mass)
-    metre = LENGTH_UNITS[content.get('units', {}).get('length', 'm')]
+    metre = LENGTH_UNITS[_unit(content)]
     content.pop('density', None)
+    sizes = {**asdict(part_sizes(settings)), 'width': placed.stack.plates[0].width}
+    content['parts'] = _converted({**settings, **sizes}, 1.0 / metre)
     filled = f', infill {100.0 * material.infill:g} %' if material.infill < 1.0 else ''
     of_pins = f', pins of {pins.name}' if pins is not material else ''
-    thickness = f'{1e3 * sizes.thickness:g} mm'
-    content['mass_source'] = f'parts of {material.name}, {thickness}{filled}{of_pins}, by export'
-    content['parts'] = converted({**settings, **asdict(sizes)}, 1.0 / metre)
+    what = f'{material.name}, {1e3 * sizes["thickness"]:g} mm{filled}{of_pins}'
+    content['mass_source'] = f'parts of {what}, by export'
     for j, name in enumerate(leg.linkage.structure.angles):
         mass = masses.get(j, BodyMass())
         centre = mass.centre.real, mass.centre.imag
@@ -186,31 +199,32 @@ def weighed_description(leg: RobotLeg, settings: Mapping[str, Any], sizes: PartS
     return dump(content) + '\n'
 
 
-def weighed_file(file: str, robot: Robot, settings: Mapping[str, Any]) -> str:
+def weighed_file(file: str, legs: Sequence[PlacedLeg], settings: Mapping[str, Any]) -> str:
     """
-    Return the file of a robot with the masses of its parts; errors as `weighed_description`.
+    Return the file of a robot with the masses of its parts; settings have lengths in [m].
 
     A linkage stays a linkage. A parameter file has the linkages of its legs in it, for all nodes.
+    An ExportError says that a material is missing or unknown.
     """
-    sizes = part_sizes(settings, robot)
     descriptions: dict[tuple[Any, str], str] = {}
     parameters: dict[str, str] = {}
-    for leg in robot.legs:
-        key = leg.linkage, leg.description
+    for placed in legs:
+        key = placed.leg.linkage, placed.leg.description
         if key not in descriptions:
-            descriptions[key] = weighed_description(leg, settings, sizes)
-        parameters[f'{leg.name}.{DESCRIPTION}'.lstrip('.')] = descriptions[key]
-    document = parse_file(file) if is_regular_file(file) else {'name': file}
-    if is_linkage(document) or not is_regular_file(file):
+            descriptions[key] = _description(placed, settings)
+        parameters[f'{placed.leg.name}.{DESCRIPTION}'.lstrip('.')] = descriptions[key]
+    document = parse_file(file) if is_regular_file(file) else None
+    if document is None or is_linkage(document):
         return parameters[DESCRIPTION]
     if len(descriptions) == 1:
-        parameters = {DESCRIPTION: descriptions.popitem()[1]}
+        parameters = {DESCRIPTION: parameters.popitem()[1]}
     document = _without_geometry(document)
-    section = document
-    if _has_sections(document):
-        section = document.setdefault('/**', {}).setdefault('ros__parameters', {})
-    section |= parameters
-    return dump(document) + '\n'
+    if 'ros__parameters:' in dump(document):
+        section = document.get('/**')
+        common = section.get('ros__parameters') if isinstance(section, Mapping) else None
+        document['/**'] = {'ros__parameters': {**(common or {}), **parameters}}
+        return dump(document) + '\n'
+    return dump(document | parameters) + '\n'
 
 
 def _without_geometry(parameters: Any) -> Any:
@@ -224,16 +238,10 @@ def _without_geometry(parameters: Any) -> Any:
     return rest
 
 
-def _has_sections(document: Any) -> bool:
-    """Return whether a document has the parameters of nodes."""
-    if not isinstance(document, Mapping):
-        return False
-    return 'ros__parameters' in document or any(map(_has_sections, document.values()))
-
-
 def weighed(file: str, robot: Robot) -> Robot:
-    """Return the robot of a file; if it has parts of a material, but no masses, with theirs."""
-    settings = part_settings(robot)
+    """Return the robot of a file; with the masses of its parts, if it has only their material."""
+    settings = part_settings(robot.legs, {}, 1.0)
     if 'material' not in settings or all(leg.masses for leg in robot.legs):
         return robot
-    return robot_from_text(weighed_file(file, robot, settings), file)
+    legs = placed_legs(robot, part_sizes(settings))
+    return robot_from_text(weighed_file(file, legs, settings), file)

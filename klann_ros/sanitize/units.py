@@ -18,7 +18,7 @@ class UnitWarning(UserWarning):
 def warn_of_lengths(
     lengths: Mapping[str, float], advice: str = '', limit: float = MAX_LENGTH
 ) -> None:
-    """Warn of the largest of lengths [m] by name, if it is beyond a limit; `advice`: the remedy."""
+    """Warn of the largest length [m] by its name, beyond a limit; `advice` is the remedy."""
     name = max(lengths, key=lambda key: abs(lengths[key]), default='')
     length = lengths.get(name, 0.0)
     if abs(length) > limit:

@@ -45,10 +45,8 @@ _LOADER_ERRORS = (
     ValueError,
 )
 # libyaml's takes a tenth of the time; a PyYAML built without it has none.
-_DUMPERS = [
-    type('BlockDumper', (dumper,), {})
-    for dumper in (getattr(yaml, 'CSafeDumper', yaml.SafeDumper), yaml.SafeDumper)
-]
+_FastDumper: Any = type('_FastDumper', (getattr(yaml, 'CSafeDumper', yaml.SafeDumper),), {})
+_PlainDumper: Any = type('_PlainDumper', (yaml.SafeDumper,), {})
 
 
 def _block_text(dumper: Any, text: str) -> yaml.ScalarNode:
@@ -67,7 +65,7 @@ def _row_of_numbers(dumper: Any, items: list[Any]) -> yaml.SequenceNode:
     return node
 
 
-for _dumper in _DUMPERS:
+for _dumper in (_FastDumper, _PlainDumper):
     _dumper.add_representer(str, _block_text)
     _dumper.add_representer(list, _row_of_numbers)
 
@@ -140,12 +138,11 @@ def load(text: str) -> Any:
 def dump(data: object) -> str:
     """Return data as YAML in block style, keys in their own order, without a final newline."""
     options: Any = {'sort_keys': False, 'allow_unicode': True, 'width': 10**6}
-    fast_dumper, plain_dumper = _DUMPERS
     try:
-        text: str = yaml.dump(data, Dumper=fast_dumper, **options)
+        text: str = yaml.dump(data, Dumper=_FastDumper, **options)
     except UnicodeEncodeError:
         # A lone surrogate: libyaml refuses it, PyYAML escapes it.
-        text = yaml.dump(data, Dumper=plain_dumper, **options)
+        text = yaml.dump(data, Dumper=_PlainDumper, **options)
     return text.rstrip('\n')
 
 
