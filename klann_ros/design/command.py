@@ -16,7 +16,6 @@ from klann_ros.cli import (
     UsageError,
 )
 from klann_ros.engines import check_engine, EngineError, ENGINES
-from klann_ros.sanitize.text import printable
 
 from .report import search_text
 from .requirements import Requirements, requirements_from_file
@@ -70,7 +69,7 @@ def _design(options: argparse.Namespace) -> int:
         except StateError as error:
             raise UsageError(f'--resume: {error}') from error
         leg_names, foreign_files = result_folder.save_result(search_result)
-    print(search_text(search_result, leg_names, printable(folder)), end='')
+    print(search_text(search_result, leg_names, folder), end='')
     if foreign_files:
         print(f'left as they are, not of this search or changed: {", ".join(foreign_files)}')
     if search_result.is_interrupted:

@@ -38,11 +38,11 @@ class FigureKind(NamedTuple):
 
 
 FIGURES = {
-    'stride': FigureKind('extent of the foot path along x', 'm'),
+    'stride': FigureKind('extent of the foot path along x, also in the air', 'm'),
     'lift': FigureKind('extent of the foot path along y', 'm'),
     'path_length': FigureKind('length of the foot path', 'm'),
     'duty_factor': FigureKind('fraction of a turn on the ground', '', 0.0, 1.0),
-    'ground_covered': FigureKind('advance of the foot in stance', 'm'),
+    'ground_covered': FigureKind('advance of the foot in stance: what a step walks', 'm'),
     'deviation': FigureKind('greatest distance of the stance from its least-squares line', 'm'),
     'minimax_deviation': FigureKind('greatest distance of the stance from its best line', 'm'),
     'straightness': FigureKind('deviation relative to the ground covered', ''),

@@ -1,6 +1,7 @@
-"""The result of a search as one HTML page: a scatter of the aims, and the legs in motion."""
+"""The result of a search as one HTML page: the legs, their aims, and chosen legs side by side."""
 
 from collections.abc import Sequence
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -8,92 +9,109 @@ from typing import Any
 from klann_ros.kinematics import foot_path, linkage_poses, LinkageLeg
 from klann_ros.kinematics.angles import TURN
 from klann_ros.sanitize.text import counted
-from klann_ros.web import element, FRAME, leg_shape, Markup, Parts, scrolling_table, SHARED
+from klann_ros.web import element, FRAME, leg_shape, Markup, Parts, SHARED
 import numpy as np
 
 from .figures import crank_angles, FIGURES
+from .leg_file import DEFAULT_LEGS
 from .proof import FoundLeg
-from .report import shown_figures
+from .report import next_commands
+from .requirements import Requirements
 from .search import SearchResult
+from .titles import aims_text, figure_aims, leg_titles
 
 _STATIC = Path(__file__).resolve().parent / 'static'
+_SHARED_STYLES = (SHARED / f'{name}.css' for name in ('drawing', 'tables', 'sortable'))
+_SHARED_SCRIPTS = (SHARED / f'{name}.js' for name in ('theme', 'drawing', 'sortable'))
+_SCRIPTS = (_STATIC / f'{name}.js' for name in ('scatter', 'compare', 'design'))
 PAGE_PARTS = Parts(
-    styles=(*FRAME, SHARED / 'drawing.css', SHARED / 'tables.css', _STATIC / 'design.css'),
-    scripts=(SHARED / 'theme.js', SHARED / 'drawing.js', _STATIC / 'design.js'),
+    styles=(*FRAME, *_SHARED_STYLES, _STATIC / 'design.css'), scripts=(*_SHARED_SCRIPTS, *_SCRIPTS)
 )
 # Poses of a leg's animation.
 ANIMATION_POSES = 120
+# Two groups of legs that take turns are always on the ground from this duty factor on.
+GAPLESS_DUTY_FACTOR = 0.5
+# Figures of requirements for legs that walk.
+WALKING = frozenset({'stride', 'ground_covered', 'advance', 'duty_factor', 'step_height', 'speed'})
 
 
 def page(search_result: SearchResult, leg_names: Sequence[str]) -> str:
     """Return the page of a result."""
     requirements = search_result.requirements
-    state = search_result.state
-    title = f'{"Legs that fulfil" if search_result.legs else "No leg fulfils"} the requirements'
-    about = f'{counted(len(search_result.legs), "leg")} of {state.evaluations} candidates'
-    header = element('header', element('div', element('h1', title), element('p', about)))
-    reasons = [element('li', reason) for reason in search_result.reasons]
-    why = element('section', element('ul', *reasons, class_='findings')) if reasons else Markup()
-    if not search_result.legs:
-        return PAGE_PARTS.page(title, header, why)
-    names = shown_figures(requirements)
+    search_legs = search_result.legs
+    count = f'{counted(len(search_legs), "leg")} of {search_result.state.evaluations} candidates'
+    title = f'{"Legs that fulfil" if search_legs else "No leg fulfils"} the requirements'
+    about = element('p', f'{count}. {aims_text(requirements)}.')
+    header = element('header', element('div', element('h1', title), about))
+    notes = [*search_result.reasons, *_warnings(requirements, search_legs)]
+    items = [element('li', note, class_='warning') for note in notes]
+    findings = element('section', element('ul', *items, class_='findings')) if items else Markup()
+    if not search_legs:
+        return PAGE_PARTS.page(title, header, findings)
+    titles = leg_titles(requirements, search_legs)
+    aims = figure_aims(requirements)
+    figures: list[dict[str, Any]] = []
+    for name in dict.fromkeys((*aims, *FIGURES)):
+        kind = FIGURES[name]
+        unit = requirements.units.name(kind.unit)
+        figures.append({'name': name, 'unit': unit, 'text': kind.text})
+        if aim := aims.get(name):
+            near = aim.value / requirements.units.size(kind.unit)
+            figures[-1] |= {'sense': aim.sense, 'near': near}
     target = requirements.target
-    axes = []
-    for name in names:
-        figures = [leg.reached.get(name, np.nan) for leg in search_result.legs]
-        if np.isfinite(figures).all():
-            axes.append({'name': name, 'unit': requirements.units.name(FIGURES[name].unit)})
-    choices = [element('label', f'{a} ', element('select', class_=f'axis-{a}')) for a in 'xy']
-    legs = []
-    for leg, name in zip(search_result.legs, leg_names, strict=True):
-        legs.append(_leg_data(search_result, leg, name))
+    legs = [*map(partial(_leg_data, requirements), search_legs, leg_names, titles)]
     data = {
-        'axes': axes,
+        'figures': figures,
+        'aimCount': len(requirements.aims),
         'legs': legs,
         'target': target and np.stack([target.points.real, target.points.imag], axis=1).tolist(),
     }
     return PAGE_PARTS.page(
         title,
         header,
+        findings,
         element('noscript', element('p', 'The legs are drawn by scripts, which are off here.')),
-        element(
-            'section',
-            element('h2', 'The aims'),
-            element('p', 'Choose up to four legs: they move below.', class_='quiet'),
-            element('div', *choices, class_='axes'),
-            element('div', class_='scatter card'),
-        ),
-        element('section', element('h2', 'Chosen legs'), element('div', class_='chosen')),
-        element('section', element('h2', 'All legs'), _table(search_result, leg_names, names)),
+        element('section', class_='choice'),
+        element('section', class_='compare'),
         data=data,
     )
 
 
-def _table(search_result: SearchResult, leg_names: Sequence[str], names: list[str]) -> Markup:
-    figure_text = search_result.requirements.figure_text
-    lines = []
-    for leg, leg_name in zip(search_result.legs, leg_names, strict=True):
-        figures = [figure_text(name, leg.reached.get(name)) for name in names]
-        jams = f'{100.0 * leg.non_turning_fraction:.1f} %'
-        lines.append((leg_name, *figures, jams, leg.linkage.name))
-    heads = ('Leg', *[name.replace('_', ' ') for name in names], 'jams', 'Linkage')
-    return scrolling_table('All legs', heads, lines)
+def _warnings(requirements: Requirements, legs: Sequence[FoundLeg]) -> list[str]:
+    """Return what the figures mean for walkers whose legs stand for a short part of a turn."""
+    duty_factors = [leg.reached.get('duty_factor', 1.0) for leg in legs]
+    short_count = sum(factor < GAPLESS_DUTY_FACTOR for factor in duty_factors)
+    if not short_count or WALKING.isdisjoint(requirements.figures):
+        return []
+    text = (
+        f'{short_count} of {counted(len(legs), "leg")} stand for less than half a turn: a step '
+        'walks ground covered, not stride. '
+    )
+    walker = requirements.walker
+    if walker is None:
+        return [f'{text}Between the stances of two groups nobody carries.']
+    falling = sum(leg.reached.get('static_margin', 0.0) < 0.0 for leg in legs)
+    walkers = f'walkers with {walker.get("legs", DEFAULT_LEGS)} legs'
+    if falling:
+        return [f'{text}{falling} of {len(legs)} {walkers} tip over in between.']
+    return [f'{text}The {walkers} stand all the same, on feet that slide.']
 
 
-def _leg_data(search_result: SearchResult, leg: FoundLeg, name: str) -> dict[str, Any]:
+def _leg_data(requirements: Requirements, leg: FoundLeg, name: str, title: str) -> dict[str, Any]:
     """Return the data of a leg for the page: its motion, figures and margins."""
-    requirements = search_result.requirements
     angles = crank_angles(ANIMATION_POSES)
     poses: Any = linkage_poses(leg.linkage, angles, points=True)
     stance = foot_path(LinkageLeg(leg.linkage)).stance()
     angles_since_stance_start = (angles - stance.start) % TURN
     figures = {}
-    rows = []
+    texts = {}
     for figure_name, reached in leg.reached.items():
         figures[figure_name] = reached / requirements.units.size(FIGURES[figure_name].unit)
         expected_text = requirements.figure_text(figure_name, leg.expected.get(figure_name))
-        reached_text = requirements.figure_text(figure_name, reached)
-        rows.append([figure_name.replace('_', ' '), expected_text, reached_text])
+        text = requirements.figure_text(figure_name, reached)
+        if expected_text not in ('', text):
+            text += f', expected {expected_text}'
+        texts[figure_name] = text
     margins = []
     for dimension, limits in leg.margins.items():
         limit_texts = [f'{limit:.5g}' if isfinite(limit) else 'any' for limit in limits]
@@ -101,13 +119,15 @@ def _leg_data(search_result: SearchResult, leg: FoundLeg, name: str) -> dict[str
     rounded = [float(f'{metres:.5g}') for metres in poses.points.ravel()]
     return {
         'name': name,
+        'title': title,
         'linkage': leg.linkage.name,
         'shape': leg_shape(leg.linkage),
         'foot': leg.linkage.foot,
         'points': np.reshape(rounded, poses.points.shape).tolist(),
         'stands': (angles_since_stance_start <= stance.end - stance.start).tolist(),
         'figures': figures,
-        'rows': rows,
+        'texts': texts,
         'margins': margins,
+        'commands': next_commands(requirements, leg, name, Path()),
         'walker': leg.walker is not None,
     }

@@ -2,19 +2,25 @@
 
 from collections.abc import Iterator, Sequence
 import json
+from pathlib import Path
+import shlex
 from typing import Any
 
-from klann_ros.sanitize.text import counted, finite, printable_line
+from klann_ros.sanitize.text import counted, finite, printable, printable_line
 
 from .figures import FIGURES
 from .proof import FoundLeg
 from .requirements import Requirements
 from .search import SearchResult
+from .titles import aims_text, figure_aims, leg_titles
 
 # Legs in the text; design.json has all.
 MAX_SHOWN = 12
-# Figures in the text beside those of the requirements.
-ALSO_SHOWN = ('transmission_angle', 'margin')
+# The nodes of a simulated walker, which end with the page's.
+WALK = (
+    '(for node in solver_node sim_node; do "$node" --ros-args --params-file {0} & done; '
+    'walker_node --ros-args --params-file {0} -p use_imu:=true & view_node --open)'
+)
 
 
 def leg_name(number: int) -> str:
@@ -22,20 +28,39 @@ def leg_name(number: int) -> str:
     return f'leg_{number + 1:03d}'
 
 
-def shown_figures(requirements: Requirements) -> list[str]:
-    """Return the figures that a report shows: those of the requirements, then others."""
-    names = [*requirements.figures]
-    if requirements.target is not None and not requirements.target.is_timed:
-        names.append('point_error')
-    return [*dict.fromkeys((*names, *ALSO_SHOWN))]
+def next_commands(
+    requirements: Requirements, leg: FoundLeg, name: str, folder: Path
+) -> list[tuple[str, str]]:
+    """Return what comes after a choice, and its command in a shell; each runs as it stands."""
+    # A motor turns all legs of its walker, and its parts are counted.
+    file, sheet, solids, plates, assembly, control = (
+        printable(shlex.quote(str(folder / f'{name}{ending}')))
+        for ending in (
+            *('.yaml' if leg.walker is None else '_walker.yaml', '.html', '.3mf', '.svg'),
+            *('_assembly.svg', '_ros2_control'),
+        )
+    )
+    options = f'{file} --speed {requirements.speed:.6g}'
+    if requirements.load:
+        options += f' --load {requirements.load:g}'
+    if requirements.motor is not None:
+        options += f' --motor {printable(shlex.quote(requirements.motor_file))}'
+    commands = [
+        ('Data sheet', f'describe {options} --html {sheet}'),
+        ('Parts', f'env export {file} --3mf {solids} --svg {plates} --assembly {assembly}'),
+    ]
+    if leg.walker is not None:
+        commands.append(('Simulated walker', WALK.format(file)))
+        commands.append(('For ros2_control', f'env export {file} --ros2-control {control}'))
+    return commands
 
 
-def search_text(search_result: SearchResult, leg_names: Sequence[str], folder: str) -> str:
+def search_text(search_result: SearchResult, leg_names: Sequence[str], folder: Path) -> str:
     """Return the result as lines of text."""
     return '\n'.join(_lines(search_result, leg_names, folder)) + '\n'
 
 
-def _lines(search_result: SearchResult, leg_names: Sequence[str], folder: str) -> Iterator[str]:
+def _lines(search_result: SearchResult, leg_names: Sequence[str], folder: Path) -> Iterator[str]:
     """Yield the lines of the text: the legs in a table, or the reasons why there is none."""
     requirements = search_result.requirements
     state = search_result.state
@@ -45,12 +70,16 @@ def _lines(search_result: SearchResult, leg_names: Sequence[str], folder: str) -
             yield f'  {printable_line(reason)}'
         return
     legs = counted(len(search_result.legs), 'leg')
-    yield f'{legs} of {state.evaluations} candidates, in {folder}'
-    names = shown_figures(requirements)
+    yield f'{legs} of {state.evaluations} candidates, in {printable(folder)}'
+    yield aims_text(requirements)
+    names = [*figure_aims(requirements)]
+    titles = leg_titles(requirements, search_result.legs)
     table = [('', *names, 'linkage')]
-    for leg, leg_name in zip(search_result.legs[:MAX_SHOWN], leg_names, strict=False):
+    shown_legs = search_result.legs[:MAX_SHOWN]
+    for leg, leg_name, title in zip(shown_legs, leg_names, titles, strict=False):
         figures = [requirements.figure_text(name, leg.reached.get(name)) for name in names]
-        table.append((leg_name, *figures, leg.linkage.name))
+        linkage = f'{leg.linkage.name}: {title}' if title else leg.linkage.name
+        table.append((leg_name, *figures, linkage))
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for name, *figures, linkage in table:
         cells = [f'{name:<{widths[0]}}', *map(str.rjust, figures, widths[1:-1])]
@@ -60,11 +89,15 @@ def _lines(search_result: SearchResult, leg_names: Sequence[str], folder: str) -
         yield f'and {more} more'
     for reason, count in search_result.refused.items():
         yield f'{counted(count, "candidate")} did not pass the proof: {printable_line(reason)}'
+    yield f'Compare them: {printable(folder / "index.html")}. Next, of {leg_names[0]}:'
+    for _, command in next_commands(requirements, search_result.legs[0], leg_names[0], folder):
+        yield f'  {command}'
 
 
 def report_content(search_result: SearchResult, leg_names: Sequence[str]) -> dict[str, Any]:
     """Return the result for JSON, in SI units."""
     state = search_result.state
+    titles = leg_titles(search_result.requirements, search_result.legs)
     content = {
         'requirements': json.loads(search_result.requirements.text),
         'seed': search_result.seed,
@@ -75,16 +108,17 @@ def report_content(search_result: SearchResult, leg_names: Sequence[str]) -> dic
         'units': {name: kind.unit for name, kind in FIGURES.items()},
         'reasons': list(search_result.reasons),
         'refused': dict(search_result.refused),
-        'legs': list(map(_leg_content, search_result.legs, leg_names)),
+        'legs': list(map(_leg_content, search_result.legs, leg_names, titles)),
     }
     return dict(finite(content))
 
 
-def _leg_content(leg: FoundLeg, name: str) -> dict[str, Any]:
+def _leg_content(leg: FoundLeg, name: str, title: str) -> dict[str, Any]:
     """Return a leg as JSON has it, with the names of its files."""
     return {
         'file': f'{name}.yaml',
         'walker': f'{name}_walker.yaml' if leg.walker is not None else None,
+        'title': title,
         'linkage': leg.linkage.name,
         'assembly': list(leg.linkage.assembly),
         # Its proof.

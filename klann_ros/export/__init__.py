@@ -32,7 +32,6 @@ from .parts import (
 )
 from .plates import ExportError, Plate, plates
 from .urdf import urdf
-from .weights import materials, part_settings, weighed, weighed_leg
 
 __all__ = [
     'Drawing',
@@ -50,14 +49,10 @@ __all__ = [
     'dxf',
     'layers',
     'leg_parts',
-    'materials',
-    'part_settings',
     'placed_legs',
     'plates',
     'polyline',
     'robot_parts',
     'svg',
     'urdf',
-    'weighed',
-    'weighed_leg',
 ]

@@ -60,25 +60,63 @@ def test_axe_finds_no_barrier(visit: Visit, scheme: str) -> None:
     assert visit('legs', color_scheme=scheme).barriers() == []
 
 
-def test_up_to_four_legs_are_chosen_by_click_and_key(visit: Visit) -> None:
+def test_legs_are_chosen_in_the_list_and_in_the_chart_up_to_four(visit: Visit) -> None:
     opened = visit('legs')
-    dots, titles = opened.page.locator('.scatter circle'), opened.page.locator('.chosen h3')
-    assert dots.count() == 6
-    assert titles.count() == 1
+    dots = opened.page.locator('.scatter circle')
+    buttons = opened.page.locator('.choice tbody button')
+    cards = opened.page.locator('.chosen h3')
+    assert dots.count() == buttons.count() == 6
+    assert cards.count() == 2
     for n in range(1, 5):
-        dots.nth(n).focus()
-        opened.page.keyboard.press('Enter')
-    shown = [text.split(',')[0] for text in titles.all_text_contents()]
+        if dots.nth(n).get_attribute('aria-pressed') == 'false':
+            dots.nth(n).focus()
+            opened.page.keyboard.press('Enter')
+    shown = [text.split(',')[0] for text in cards.all_text_contents()]
     assert shown == ['leg_002', 'leg_003', 'leg_004', 'leg_005']
-    dots.nth(4).click()
-    assert titles.count() == 3
+    buttons.nth(4).click()
+    assert cards.count() == 3
     assert dots.nth(4).get_attribute('aria-pressed') == 'false'
 
 
-def test_the_cards_have_the_units_of_the_wish(visit: Visit, design: SearchResult) -> None:
-    opened = visit('legs')
-    table = opened.page.locator('.chosen table').first
-    stride = table.locator(
-        'tbody tr', has=opened.page.locator('th', has_text=re.compile('^stride$'))
+def test_chosen_legs_have_one_scale_and_one_crank(visit: Visit) -> None:
+    opened = visit('legs', reduced_motion='reduce')
+    scales = opened.page.eval_on_selector_all(
+        '.chosen .drawing', 'drawings => drawings.map((svg) => svg.dataset.scale)'
     )
-    assert stride.locator('td').last.text_content() == f'{design.legs[0].reached["stride"]:.4g} m'
+    assert len(scales) == 2
+    assert len(set(scales)) == 1
+    before = opened.points('.chosen .drawing')
+    opened.page.locator('[type=range]').fill('90')
+    assert opened.page.locator('.angle').text_content() == '90 deg'
+    after = opened.points('.chosen .drawing')
+    # The crank is at 0 deg, then above its axle.
+    assert after['B'][0] == pytest.approx(before['A'][0], abs=1e-3)
+    assert before['B'][1] == pytest.approx(before['A'][1], abs=1e-3)
+
+
+def test_the_comparison_names_the_best_in_the_units_of_the_wish(
+    visit: Visit, design: SearchResult
+) -> None:
+    opened = visit('legs')
+    strides = [leg.reached['stride'] for leg in design.legs[:2]]
+    row = opened.page.locator('.compare tbody tr', has_text=re.compile('^stride '))
+    texts = row.locator('td').all_text_contents()
+    assert [text.removesuffix(' best') for text in texts] == [f'{s:.4g} m' for s in strides]
+    assert [text.endswith('best') for text in texts] == [s == max(strides) for s in strides]
+
+
+def test_the_list_is_sorted_by_numbers(visit: Visit, design: SearchResult) -> None:
+    opened = visit('legs')
+    opened.page.locator('.choice thead button', has_text='lift').click()
+    cells = opened.page.locator('.choice tbody td:nth-child(3)').all_text_contents()
+    assert [float(cell) for cell in cells] == sorted(
+        float(f'{leg.reached["lift"]:.4g}') for leg in design.legs
+    )
+
+
+def test_a_command_is_copied_or_selected(visit: Visit) -> None:
+    opened = visit('legs')
+    row = opened.page.locator('.command', has_text='describe').first
+    row.locator('button').click()
+    opened.until("document.querySelector('.command [role=status]:not(:empty)') !== null")
+    assert row.locator('[role=status]').text_content() in {'Copied', 'Selected: press Ctrl-C'}

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from itertools import product
+from pathlib import Path
 import sys
 from typing import Any
 
@@ -73,7 +74,7 @@ def shown(search_result: SearchResult) -> list[str]:
     """Return the text, the content of design.json, and the page."""
     names = ['leg_001']
     content = report_content(search_result, names)
-    return [search_text(search_result, names, 'x'), str(content), page(search_result, names)]
+    return [search_text(search_result, names, Path('x')), str(content), page(search_result, names)]
 
 
 XY = ('x', 'y')

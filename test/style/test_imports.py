@@ -43,7 +43,6 @@ ALLOWED = {
     'live': {'lazy_face', 'sanitize', 'kinematics', 'log', 'robot', 'review', 'web'},
     'datasheet': {
         *('cli', 'lazy_face', 'sanitize', 'kinematics', 'dynamics', 'robot', 'gait', 'web'),
-        'export',
     },
     'calibration': {
         *('cli', 'lazy_face', 'sanitize', 'messages', 'kinematics', 'robot', 'log', 'web'),
@@ -54,7 +53,7 @@ ALLOWED = {
     },
     'design': {
         *('cli', 'sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'gait', 'web'),
-        *('datasheet', 'export'),
+        'datasheet',
     },
     'stop_signals': set(),
     'nodes': {
