@@ -7,6 +7,7 @@ from math import isnan
 
 from klann_ros.cli import ArgumentParser, NOT_READ, number_type, output_files, path, save_texts
 from klann_ros.dynamics import MassError
+from klann_ros.export import ExportError, weighed
 from klann_ros.kinematics import LinkageLeg
 from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.sanitize.text import printable_line
@@ -21,7 +22,9 @@ from .text import sheet_text
 
 # The exit code for a motor that cannot turn the cranks.
 MOTOR_FAILS = 1
-DESCRIBE_ERRORS = dict.fromkeys((RobotFileError, MotorFileError, MassError, SheetError), NOT_READ)
+DESCRIBE_ERRORS = dict.fromkeys(
+    (RobotFileError, MotorFileError, MassError, SheetError, ExportError), NOT_READ
+)
 DESCRIPTION = """\
 Describe a leg or a walker before it is built: bars, the path of the foot, transmission angles,
 masses, crank torque, joint forces, and whether a motor can turn it.
@@ -46,7 +49,9 @@ def _describe(options: argparse.Namespace) -> int:
     files = output_files(options, names, inputs, refuse_yaml=names)
     motor = motor_from_file(options.motor) if options.motor is not None else None
     robot = robot_of(options.file)
-    if options.bar_density is not None:
+    if options.bar_density is None:
+        robot = weighed(options.file, robot)
+    else:
         robot = robot.with_rods(options.bar_density)
     numbers = {'speed': options.speed, 'load': options.load}
     sheet = data_sheet(robot, **numbers, motor=motor, margins=options.margins)

@@ -161,7 +161,7 @@ def _missing_masses(robot: Robot) -> str:
     if not massless:
         return ''
     legs = f' for {", ".join(massless)}' if len(massless) < len(robot.legs) else ''
-    return f'no masses: bar_density [kg/m] (a linkage: density) is missing{legs}'
+    return f'no masses: bar_density [kg/m] (a linkage: density, or parts) is missing{legs}'
 
 
 def _no_forces(legs: Sequence[LegSheet], missing: str, load: float) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.datasheet import data_sheet, LegSheet
+from klann_ros.export import weighed_leg
 from klann_ros.gait import NoWalkerError, walk_figures
 from klann_ros.kinematics import KinematicsError, Linkage, linkage_poses, tolerance_study
 from klann_ros.robot import Robot, robot_from_file, robot_from_text, RobotLeg
@@ -136,6 +137,7 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
         figures['rounding_error'] = requirements.rounding.error(candidate.space, leg.linkage)
     non_turning_fraction = _non_turning_fraction(leg.linkage, requirements.tolerance)
     figures['turning_fraction'] = 1.0 - non_turning_fraction
+    leg = _with_masses(leg, requirements.parts)
     walker = None
     if requirements.walker is not None:
         walker, walker_figures = _walker(leg, requirements)
@@ -195,6 +197,14 @@ def _check_limits(requirements: Requirements, figures: Mapping[str, float]) -> N
         figure = figures.get(limit.figure, np.nan)
         if not limit.shortfall(figure) <= 0.0:
             raise ProofError(f'{limit.figure} does not hold', limit, float(figure))
+
+
+def _with_masses(leg: RobotLeg, parts: Mapping[str, Any] | None) -> RobotLeg:
+    """Return a leg with the masses of its parts, if they have settings."""
+    try:
+        return weighed_leg(leg, parts) if parts else leg
+    except ValueError as error:
+        raise ProofError(str(error)) from error
 
 
 def _walker(

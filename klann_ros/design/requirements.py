@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.datasheet import Motor, motor_from_file, MotorFileError
-from klann_ros.kinematics import schema_error, Structure
+from klann_ros.export import ExportError, materials, part_settings
+from klann_ros.kinematics import schema_error, SHIPPED, Structure
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import preset_names, robot_of, RobotFileError, RobotLeg
 from klann_ros.sanitize.text import did_you_mean, printable
 from klann_ros.sanitize.units import warn_of_lengths
-from klann_ros.sanitize.yaml_text import content_of_file
+from klann_ros.sanitize.yaml_text import content_of_file, parse
 import numpy as np
 
 from .areas import Area, area_clearance, areas_from
@@ -71,8 +72,8 @@ class Requirements:
 
     There is at least one aim. `load` is that on the foot in stance [N], `speed` that of the crank
     [rad/s], `tolerance` the half-width of all lengths [m], `count` the greatest number of legs
-    returned. A search is resumed by `text`, the requirements as given; `units` are theirs, in
-    which answers are shown.
+    returned; `parts` are the settings of the parts by which legs are weighed [m]. A search is
+    resumed by `text`, the requirements as given; `units` are theirs, in which answers are shown.
     """
 
     spaces: tuple[Space, ...]
@@ -89,6 +90,7 @@ class Requirements:
     motor: Motor | None = None
     motor_file: str = ''
     walker: Mapping[str, Any] | None = None
+    parts: Mapping[str, Any] | None = None
     count: int = DEFAULT_COUNT
     text: str = ''
 
@@ -214,6 +216,7 @@ def requirements_from(
         motor=_motor(content['motor'], folder) if 'motor' in content else None,
         motor_file=str(Path(_beside(content.get('motor', ''), folder)).absolute()),
         walker=content.get('walker'),
+        parts=_parts(content, metre, legs),
         # A schema's whole numbers may be written as 2.0.
         count=int(content.get('count', DEFAULT_COUNT)),
         text=json.dumps(content, sort_keys=True),
@@ -318,6 +321,26 @@ def _motor(name: str, folder: Path) -> Motor:
 def _beside(name: str, folder: Path) -> str:
     """Return a file's path, beside the file of requirements if it is there."""
     return str(folder / name) if (folder / name).is_file() else name
+
+
+def _parts(
+    content: Mapping[str, Any], metre: float, legs: Iterable[RobotLeg]
+) -> Mapping[str, Any] | None:
+    """Return the settings of the parts of the leg [m]; None without a material."""
+    parts = content.get('parts', {})
+    linkage = parse((SHIPPED / 'klann.yaml').read_text(encoding='utf-8'))
+    if problem := schema_error({**linkage, 'parts': parts}):
+        raise RequirementsError(problem)
+    if parts and 'bar_density' in content.get('walker', {}):
+        raise RequirementsError('walker: bar_density and parts exclude each other')
+    settings = part_settings(legs, parts, metre)
+    if not parts and 'material' not in settings:
+        return None
+    try:
+        materials(settings)
+    except ExportError as error:
+        raise RequirementsError(str(error)) from error
+    return settings
 
 
 def _leg(name: str, folder: Path) -> RobotLeg:

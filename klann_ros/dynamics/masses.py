@@ -118,7 +118,7 @@ class Masses:
     The masses of a linkage's bodies, the crank's first, and its springs.
 
     `basis` says what they were computed from, by a `density`; `foot_mass` is the part of a foot
-    that was added to a body [kg].
+    that was added to a body [kg]; `source` is what the file says about masses by body.
     """
 
     bodies: tuple[BodyMass, ...]
@@ -127,6 +127,7 @@ class Masses:
     basis: MassBasis = MassBasis.BODIES
     density: float = 0.0
     foot_mass: float = 0.0
+    source: str = ''
 
     def __post_init__(self) -> None:
         for number, body in enumerate(self.bodies):
@@ -142,7 +143,7 @@ class Masses:
         """Return what they were computed from, as words behind a mass."""
         count = len(self.springs) + len(self.torsion_springs)
         springs = f', with {counted(count, "spring")}' if count else ''
-        return self.basis.value.format(self.density) + springs
+        return (printable(self.source) or self.basis.value.format(self.density)) + springs
 
     @property
     def by_file(self) -> 'Masses':
@@ -250,6 +251,7 @@ def masses_from_text(
     [kg m^2]; or the file has one `density` for all bars [kg/m], and masses for sliding bodies
     without a bar. `springs` are a list of `{from, to, stiffness, free_length}`, `torsion_springs`
     one of `{joint, between, stiffness, rest_angle}`. A `density` wins over the file's masses.
+    Bodies with `parts` of a material have none before `export` weighs them.
 
     Raises
     ------
@@ -264,16 +266,20 @@ def masses_from_text(
     bodies = settings['bodies']
     missing = [angle for angle in linkage.joint_names if 'mass' not in bodies[angle]]
     body_masses = tuple(_body(bodies[angle], metre) for angle in linkage.joint_names)
-    masses = Masses(body_masses, tension, torsion)
+    has_parts = 'material' in settings.get('parts', ())
+    masses = Masses(body_masses, tension, torsion, source=settings.get('mass_source', ''))
     if density is None and 'density' in settings:
         weighed = set(linkage.joint_names) - set(missing)
         if any(body.rigid and body.angle in weighed for body in linkage.structure.bodies):
             both = 'has both density and masses: leave one of them out'
             raise MassError(f'{printable(name)} {both}')
+        if has_parts:
+            both = 'has both density and parts.material: leave one of them out'
+            raise MassError(f'{printable(name)} {both}')
         density = settings['density']
     if density is not None:
         return with_rods(masses, linkage, density).by_file
-    if len(missing) == len(bodies):
+    if len(missing) == len(bodies) or (missing and has_parts):
         return None
     if missing:
         raise MassError(f'{printable(name)}: {", ".join(missing)} without mass; 0 is allowed')

@@ -32,6 +32,7 @@ from .parts import (
 )
 from .plates import ExportError, Plate, plates
 from .urdf import urdf
+from .weights import materials, part_settings, weighed, weighed_leg
 
 __all__ = [
     'Drawing',
@@ -49,10 +50,14 @@ __all__ = [
     'dxf',
     'layers',
     'leg_parts',
+    'materials',
+    'part_settings',
     'placed_legs',
     'plates',
     'polyline',
     'robot_parts',
     'svg',
     'urdf',
+    'weighed',
+    'weighed_leg',
 ]

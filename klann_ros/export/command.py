@@ -6,6 +6,7 @@ from functools import partial
 from itertools import chain
 from os.path import lexists
 import sys
+from typing import Any
 
 from klann_ros.cli import (
     ArgumentParser,
@@ -18,7 +19,7 @@ from klann_ros.cli import (
     save_folder,
     UsageError,
 )
-from klann_ros.robot import Robot, robot_of, RobotFileError, SEPARATORS
+from klann_ros.robot import Robot, robot_from_text, robot_of, RobotFileError, SEPARATORS
 from klann_ros.sanitize.text import counted, printable, printable_line
 from klann_ros.twin import robot_mjcf
 
@@ -29,10 +30,8 @@ from .plates import ExportError, slot_conflict
 from .ros2_control import ros2_control_files
 from .solids import glb, NoSolidsError, stl_files, three_mf
 from .urdf import urdf
-from .weights import weighed_file
+from .weights import MATERIALS, part_settings, part_sizes, weighed, weighed_file
 
-# Defaults [mm].
-HOLE, THICKNESS, WASHER = 3.2, 3.0, 0.5
 # Length of a sliding body without bars, as a part of the linkage's size.
 SLIDER_LENGTH = 0.1
 FORMATS = ('mjcf', 'urdf', 'svg', 'dxf', 'assembly', '3mf', 'glb')
@@ -45,6 +44,7 @@ Write a leg or a walker for MuJoCo, ROS, a laser cutter or a printer; several fo
 FILE is a parameter file of solver_node, a linkage's YAML file, or a shipped name: sem104."""
 EPILOG = """\
 SVG and DXF show each distinct plate once, with its holes and its number, in mm.
+Sizes and material are those of `parts` in FILE; options win over them.
 The shell's own `export` comes before this one: `ros2 run klann_ros export FILE ...`,
 `env export FILE ...` start this one.
 Exit code: 0 written, 2 FILE or an option is refused, 3 an OUT cannot be written. No OUT may be
@@ -71,14 +71,16 @@ def _export(options: argparse.Namespace) -> int:
         names = ', '.join(f'--{name}' for name in (*FORMATS, *FOLDERS))
         raise UsageError(f'no output is given; one of {names} is needed')
     robot = robot_of(options.file)
-    if options.bar_density is not None:
+    if options.bar_density is None:
+        robot = weighed(options.file, robot)
+    else:
         robot = robot.with_rods(options.bar_density, slider_length=SLIDER_LENGTH)
     files = output_files(options, outputs, [options.file], refuse_yaml=FORMATS)
     if options.weighed is not None:
         if lexists(options.weighed):
             raise ExportError(f'--{WEIGHED} {printable(options.weighed)} is there already')
-        if options.plate_density is None or options.scale != 1.0:
-            raise ExportError(f'--{WEIGHED} needs --plate-density, and no --scale')
+        if options.scale != 1.0:
+            raise ExportError(f'--{WEIGHED} takes no --scale')
     for option, folder in folders.items():
         check_new_folder(option, folder, [options.file])
     # All contents before the first file is written: an error leaves no partial set.
@@ -100,8 +102,7 @@ def _contents(
     folders: dict[str, dict[str, bytes]] = {}
     if options.mjcf is not None:
         contents['--mjcf'] = robot_mjcf(robot).encode()
-        for origin in dict.fromkeys(leg.masses.origin for leg in robot.legs if leg.masses):
-            print(f'masses: {origin}')
+        _print_masses(robot)
     if options.urdf is not None:
         separator = options.joint_separator
         contents['--urdf'] = urdf(robot, joint_separator=separator).encode()
@@ -111,8 +112,14 @@ def _contents(
     if options.ros2_control is not None:
         folders['--ros2-control'] = ros2_control_files(options.file, robot)
     if any(getattr(options, name) is not None for name in (*PLATES, WEIGHED)):
-        legs = placed_legs(robot, _sizes(options), options.scale)
-        contents |= _plates(robot, legs, options)
+        settings = _part_settings(robot, options)
+        sizes = part_sizes(settings)
+        legs = placed_legs(robot, sizes, options.scale)
+        contents |= _plates(legs, sizes, options)
+        if options.weighed is not None:
+            text = weighed_file(options.file, legs, settings)
+            _print_masses(robot_from_text(text, options.file))
+            contents[f'--{WEIGHED}'] = text.encode()
         if options.glb is not None:
             contents['--glb'] = glb(legs)
         if options.stl is not None:
@@ -123,21 +130,18 @@ def _contents(
     return contents, folders
 
 
-def _sizes(options: argparse.Namespace) -> PartSizes:
-    """Return the sizes of parts that the options give [m]."""
-    holes = {name: mm / 1e3 for name, mm in options.hole or ()}
-    return PartSizes(
-        hole=holes.pop('', HOLE / 1e3),
-        holes=holes,
-        width=options.width and options.width / 1e3,
-        thickness=options.thickness / 1e3,
-        washer=options.washer / 1e3,
-        clearance=options.clearance / 1e3,
-    )
+def _part_settings(robot: Robot, options: argparse.Namespace) -> dict[str, Any]:
+    """Return the settings of parts in the file, and of the options, which win [m]."""
+    holes = dict(options.hole or ())
+    changes = {'hole': holes.pop('', None)}
+    for name in ('thickness', 'washer', 'clearance', 'width', 'material', 'infill'):
+        changes[name] = getattr(options, name)
+    changes = {name: change for name, change in changes.items() if change is not None}
+    return part_settings(robot.legs, {**changes, 'holes': holes}, 1e-3)
 
 
 def _plates(
-    robot: Robot, legs: Sequence[PlacedLeg], options: argparse.Namespace
+    legs: Sequence[PlacedLeg], sizes: PartSizes, options: argparse.Namespace
 ) -> dict[str, bytes]:
     """Return the content of each file of parts, by its option; print their numbers."""
     stacks = [*{leg.leg.linkage: leg.stack for leg in legs}.values()]
@@ -152,17 +156,13 @@ def _plates(
         contents['--svg'] = svg(sheet, filled=options.cad).encode()
     if options.dxf is not None:
         contents['--dxf'] = dxf(sheet, exploded=options.cad)
-    if options.weighed is not None:
-        material = options.thickness / 1e3, options.plate_density
-        contents[f'--{WEIGHED}'] = weighed_file(robot, robot_plates, *material).encode()
     if options.assembly is not None:
-        page = assembly(stacks, thickness=options.thickness / 1e3, washer=options.washer / 1e3)
+        page = assembly(stacks, thickness=sizes.thickness, washer=sizes.washer)
         contents['--assembly'] = page.encode()
     plate_count = counted(sum(plate.count for plate in robot_plates), 'plate')
     layer_count = counted(max(stack.count for stack in stacks), 'layer')
-    widths = (
-        f'bars {1e3 * robot_plates[0].width:.4g} mm wide, holes {1e3 * _sizes(options).hole:g} mm'
-    )
+    width = f'bars {1e3 * robot_plates[0].width:.4g} mm wide'
+    widths = f'{width}, holes {1e3 * sizes.hole:g} mm'
     size = f'{sheet.size.real:.0f} x {sheet.size.imag:.0f} mm'
     print(f'{plate_count}, {widths}, in {layer_count}, drawn on {size}')
     for stack in stacks:
@@ -174,10 +174,29 @@ def _plates(
     return contents
 
 
+def _print_masses(robot: Robot) -> None:
+    """Print the masses of a robot, and their origins."""
+    totals = [leg.masses.total for leg in robot.legs if leg.masses]
+    body = f' and a body of {robot.body.mass:.3g} kg' if robot.body else ''
+    print(f'{counted(len(totals), "leg")} of {sum(totals):.3g} kg{body}')
+    for origin in dict.fromkeys(leg.masses.origin for leg in robot.legs if leg.masses):
+        print(f'masses: {origin}')
+
+
 _positive = number_type(lambda n: 0.0 < n < 1e6, 'a number > 0 (and < 1e6)')
 _not_negative = number_type(lambda n: 0.0 <= n < 1e6, 'a number >= 0 (and < 1e6)')
 _side = number_type(lambda n: 0.0 < n < 1e6, 'a width and a depth in mm, such as 220x220')
 _diameter = number_type(lambda n: 0.0 < n < 1e6, 'a diameter in mm, such as 4.2 or A=6')
+
+_fraction = number_type(lambda n: 0.0 < n <= 1.0, 'a number > 0 and <= 1, such as 0.3')
+
+
+def _material(text: str) -> str | float:
+    """Return the name of a material, or a density."""
+    try:
+        return float(_positive(text))
+    except argparse.ArgumentTypeError:
+        return text
 
 
 def _bed(text: str) -> complex:
@@ -213,21 +232,22 @@ def _parser() -> ArgumentParser:
     bed = 'size of a bed for --3mf [mm], 220x220'
     add('--bed', metavar='WIDTHxDEPTH', type=_bed, default=220 + 220j, help=bed)
     add('--glb', metavar='OUT.glb', help="the assembled robot, to look at (extra 'parts')")
-    hole = f'diameter of holes [mm], {HOLE}: for M3; A=6 of a joint; repeatable'
+    hole = 'diameter of holes [mm], 3.2: for M3; A=6 of a joint; repeatable'
     add('--hole', metavar='[JOINT=]MM', type=_hole, action='append', help=hole)
     size = partial(add, metavar='MM')
     size('--kerf', type=_not_negative, default=0.0, help='width of the cut [mm], 0')
-    thickness = f'of the plates [mm], {THICKNESS:g}'
-    size('--thickness', type=_positive, default=THICKNESS, help=thickness)
-    washer = f'thickness between two layers [mm], {WASHER:g}; 0 for none'
-    size('--washer', type=_not_negative, default=WASHER, help=washer)
+    size('--thickness', type=_positive, help='of the plates [mm], 3')
+    washer = 'thickness between two layers [mm], 0.5; 0 for none'
+    size('--washer', type=_not_negative, help=washer)
     clearance = f'added to the diameter of printed holes and slots [mm], {1e3 * CLEARANCE:g}'
-    size('--clearance', type=_not_negative, default=1e3 * CLEARANCE, help=clearance)
+    size('--clearance', type=_not_negative, help=clearance)
     size('--width', type=_positive, help='width of bars [mm]; 4 %% of the size')
-    weighed = "a new linkage's file: FILE with the masses of its plates"
+    weighed = 'a new file: FILE with the masses of its parts'
     add(f'--{WEIGHED}', metavar='OUT.yaml', help=weighed)
-    material = 'of the material [kg/m^3], for --weighed: plywood 650, acrylic 1190, PLA 1240'
-    add('--plate-density', metavar='KG_PER_M3', type=_positive, help=material)
+    material = f'of the parts: {", ".join(MATERIALS)}, or a density [kg/m^3]'
+    add('--material', metavar='NAME', type=_material, help=material)
+    infill = 'of printed parts, inside of their walls, > 0 to 1; 1'
+    add('--infill', metavar='PART', type=_fraction, help=infill)
     add('--scale', type=_positive, default=1.0, help='of the plates; hole and width stay')
     density = 'of bars in MJCF and --ros2-control, in place of the masses in FILE [kg/m]'
     add('--bar-density', metavar='KG_PER_M', type=_positive, help=density)

@@ -1,40 +1,247 @@
-"""The masses of plates: their material by width and thickness, holes and slots off."""
+"""
+What the parts of legs weigh: their materials, and files with the masses of their bodies.
 
-from collections.abc import Sequence
+A printed part has solid walls, bottom and top, and an infill between them. Parts of the ground
+have no mass in a file: the `body_mass` of a walker includes them.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from math import pi
+from typing import Any
 
 from klann_ros.dynamics import BodyMass
-from klann_ros.kinematics import FIXED, LENGTH_UNITS
-from klann_ros.robot import Robot
-from klann_ros.sanitize.yaml_text import dump, parse
+from klann_ros.kinematics import (
+    content_with_numbers,
+    is_linkage,
+    LENGTH_UNITS,
+    NUMBER_DIGITS,
+    SHIPPED,
+)
+from klann_ros.robot import LEG_PARAMETERS, Robot, robot_from_text, RobotLeg
+from klann_ros.sanitize.files import is_regular_file
+from klann_ros.sanitize.text import did_you_mean, printable
+from klann_ros.sanitize.units import warn_of_lengths
+from klann_ros.sanitize.yaml_text import dump, parse, parse_file
+import numpy as np
 
-from .parts import Part, plate_prism, Role
-from .plates import ExportError, Plate
+from .outline import Outline, polyline
+from .parts import Part, PartSizes, placed_legs, PlacedLeg, Prism
+from .plates import ExportError
+
+MATERIALS = {
+    'PLA': 1240.0,
+    'PETG': 1270.0,
+    'ABS': 1040.0,
+    'ASA': 1070.0,
+    'TPU': 1220.0,
+    'nylon': 1140.0,
+    'POM': 1410.0,
+    'acrylic': 1190.0,
+    'plywood': 680.0,
+    'MDF': 750.0,
+    'aluminium': 2700.0,
+    'brass': 8500.0,
+    'steel': 7850.0,
+}
+"""Densities [kg/m^3]: the first five as in PrusaSlicer's profiles, others as in handbooks."""
+
+# Thickness of printed walls, bottoms and tops [m]: the mass is then within 3.5 % of the filament
+# that PrusaSlicer takes for two perimeters, and 4 and 5 solid layers of 0.2 mm.
+DEFAULT_WALL = 1e-3
+# Of a curve, to measure its length [m].
+CHORD_TOLERANCE = 1e-5
+# A greater size of a part was probably given in another unit [m].
+MAX_PART_SIZE = 0.5
+SIZES = tuple(field.name for field in fields(PartSizes))
+LENGTHS = (*(name for name in SIZES if name != 'holes'), 'wall')
+DESCRIPTION = 'linkage_description'
+# Parameters of a leg that its weighed linkage replaces.
+_REPLACED = {*LEG_PARAMETERS, 'bar_density'}
 
 
-def weighed_file(robot: Robot, plates: Sequence[Plate], thickness: float, density: float) -> str:
+@dataclass(frozen=True)
+class Material:
     """
-    Return a linkage's file with the masses of its plates, of a thickness [m] and [kg/m^3].
+    A material of parts.
 
-    An ExportError says that the robot is no linkage's file.
+    `density` is in [kg/m^3]; `infill` is the filled part of the space inside of walls, bottom and
+    top of a thickness `wall` [m].
     """
-    leg = robot.legs[0]
-    if not leg.description or len(robot.legs) > 1:
-        raise ExportError(f"{robot.source}: --weighed takes a linkage's file, such as klann")
-    content = parse(leg.description)
-    metre = LENGTH_UNITS[content.get('units', {}).get('length', 'm')]
+
+    name: str
+    density: float
+    infill: float = 1.0
+    wall: float = DEFAULT_WALL
+
+    def mass(self, part: Part) -> BodyMass:
+        """Return the mass of a part; centre and inertia are those of an even infill."""
+        solid = part.mass(self.density)
+        hollow = (1.0 - self.infill) * sum(map(self._core_volume, part.prisms)) / part.volume
+        filled = 1.0 - hollow
+        return solid._replace(mass=filled * solid.mass, inertia=filled * solid.inertia)
+
+    def _core_volume(self, prism: Prism) -> float:
+        """Return the volume inside of the walls of a prism [m^3], by Steiner's formula."""
+        height = prism.high - prism.low
+        curves = (*prism.outlines, *prism.cuts)
+        area = prism.moments[0].real / height - self.wall * sum(map(_perimeter, curves))
+        # All curves but the outer one have the material outside.
+        area += pi * self.wall**2 * (2 - len(curves))
+        return max(0.0, height - 2.0 * self.wall) * max(0.0, float(area))
+
+
+def _perimeter(curve: Outline) -> float:
+    points = np.array([*polyline(curve, CHORD_TOLERANCE)])
+    return float(abs(points - np.roll(points, 1)).sum())
+
+
+def part_settings(
+    legs: Iterable[RobotLeg], changes: Mapping[str, Any], unit: float
+) -> dict[str, Any]:
+    """Return `parts` of the first leg that has them in its file, changed by others [unit]; [m]."""
+    settings: dict[str, Any] = {}
+    for leg in legs:
+        content = parse(leg.description) if leg.description else {}
+        if 'parts' in content:
+            settings = _converted(content['parts'], LENGTH_UNITS[_unit(content)])
+            break
+    settings |= _converted(changes, unit)
+    sizes = {f'parts.{name}': settings[name] for name in LENGTHS if name in settings}
+    warn_of_lengths(sizes, 'write units: {length: mm}', MAX_PART_SIZE)
+    return settings
+
+
+def _unit(content: Mapping[str, Any]) -> str:
+    """Return the unit of lengths in a linkage's file."""
+    return str(content.get('units', {}).get('length', 'm'))
+
+
+def _converted(settings: Mapping[str, Any], unit: float) -> dict[str, Any]:
+    """Return settings of parts with lengths in another unit, rounded as numbers of files."""
+
+    def scaled(length: float) -> float:
+        return round(unit * length, NUMBER_DIGITS)
+
+    lengths = {name: scaled(settings[name]) for name in LENGTHS if name in settings}
+    holes = {joint: scaled(hole) for joint, hole in settings.get('holes', {}).items()}
+    converted = {**settings, **lengths, 'holes': holes}
+    return {name: setting for name, setting in converted.items() if setting != {}}
+
+
+def part_sizes(settings: Mapping[str, Any]) -> PartSizes:
+    """Return the sizes in settings of parts."""
+    return PartSizes(**{name: settings[name] for name in SIZES if name in settings})
+
+
+def materials(settings: Mapping[str, Any]) -> tuple[Material, Material]:
+    """Return the materials of links and of pins in settings; an ExportError for an unknown one."""
+    infill = {name: settings[name] for name in ('infill', 'wall') if name in settings}
+    material = _material(settings, 'material', **infill)
+    return material, _material(settings, 'pins') if 'pins' in settings else material
+
+
+def _material(settings: Mapping[str, Any], key: str, **infill: float) -> Material:
+    """Return the material of a key in settings; an ExportError if there is none."""
+    name = settings.get(key)
+    names = f'{", ".join(MATERIALS)}, or a density [kg/m^3]'
+    if name is None:
+        raise ExportError(f'parts.{key} is missing: {names}')
+    density = MATERIALS.get(name, name)
+    if isinstance(density, str):
+        hint = did_you_mean(name, MATERIALS)
+        raise ExportError(f'parts.{key}: {printable(name)} is none of {names}{hint}')
+    title = name if isinstance(name, str) else f'{name:g} kg/m^3'
+    return Material(title, density, **infill)
+
+
+def _rounded(number: float) -> float:
+    return float(f'{number:.9g}')
+
+
+def weighed_leg(leg: RobotLeg, settings: Mapping[str, Any]) -> RobotLeg:
+    """Return a leg with the masses of its parts; settings in [m]. Errors as `placed_legs`."""
+    (placed,) = placed_legs(Robot('', (leg,)), part_sizes(settings))
+    return robot_from_text(_description(placed, settings), 'the leg').legs[0]
+
+
+def _description(placed: PlacedLeg, settings: Mapping[str, Any]) -> str:
+    """Return a leg's linkage as a file with the masses of its parts; settings in [m]."""
+    leg = placed.leg
+    if leg.description:
+        content = parse(leg.description)
+    else:
+        text = (SHIPPED / 'klann.yaml').read_text(encoding='utf-8')
+        content = content_with_numbers(text, leg.linkage)
+        del content['start'], content['source']
+        content['assembly'] = [*leg.linkage.assembly]
+    material, pins = materials(settings)
+    masses: dict[int, BodyMass] = {}
+    for part in placed.parts:
+        mass = (pins if part.role.is_hardware else material).mass(part)
+        masses[part.body] = masses.get(part.body, BodyMass()).plus(mass)
+    metre = LENGTH_UNITS[_unit(content)]
     content.pop('density', None)
-    for plate in plates:
-        if plate.body != FIXED:
-            mass = plate_mass(plate, thickness, density)
-            content['bodies'][plate.name] |= {
-                'mass': mass.mass,
-                'centre': [mass.centre.real / metre, mass.centre.imag / metre],
-                'inertia': mass.inertia,
-            }
+    sizes = {**asdict(part_sizes(settings)), 'width': placed.stack.plates[0].width}
+    content['parts'] = _converted({**settings, **sizes}, 1.0 / metre)
+    filled = f', infill {100.0 * material.infill:g} %' if material.infill < 1.0 else ''
+    of_pins = f', pins of {pins.name}' if pins is not material else ''
+    what = f'{material.name}, {1e3 * sizes["thickness"]:g} mm{filled}{of_pins}'
+    content['mass_source'] = f'parts of {what}, by export'
+    for j, name in enumerate(leg.linkage.structure.angles):
+        mass = masses.get(j, BodyMass())
+        centre = mass.centre.real, mass.centre.imag
+        content['bodies'][name] |= {
+            'mass': _rounded(mass.mass),
+            'centre': [round(length / metre, NUMBER_DIGITS) + 0.0 for length in centre],
+            'inertia': _rounded(mass.inertia),
+        }
     return dump(content) + '\n'
 
 
-def plate_mass(plate: Plate, thickness: float, density: float) -> BodyMass:
-    """Return the mass of a plate of a thickness [m] and a density [kg/m^3]."""
-    part = Part(plate.name, Role.LINK, plate.body, (plate_prism(plate, 0.0, thickness),))
-    return part.mass(density)
+def weighed_file(file: str, legs: Sequence[PlacedLeg], settings: Mapping[str, Any]) -> str:
+    """
+    Return the file of a robot with the masses of its parts; settings have lengths in [m].
+
+    A linkage stays a linkage. A parameter file has the linkages of its legs in it, for all nodes.
+    An ExportError says that a material is missing or unknown.
+    """
+    descriptions: dict[tuple[Any, str], str] = {}
+    parameters: dict[str, str] = {}
+    for placed in legs:
+        key = placed.leg.linkage, placed.leg.description
+        if key not in descriptions:
+            descriptions[key] = _description(placed, settings)
+        parameters[f'{placed.leg.name}.{DESCRIPTION}'.lstrip('.')] = descriptions[key]
+    document = parse_file(file) if is_regular_file(file) else None
+    if document is None or is_linkage(document):
+        return parameters[DESCRIPTION]
+    if len(descriptions) == 1:
+        parameters = {DESCRIPTION: parameters.popitem()[1]}
+    document = _without_geometry(document)
+    if 'ros__parameters:' in dump(document):
+        section = document.get('/**')
+        common = section.get('ros__parameters') if isinstance(section, Mapping) else None
+        document['/**'] = {'ros__parameters': {**(common or {}), **parameters}}
+        return dump(document) + '\n'
+    return dump(document | parameters) + '\n'
+
+
+def _without_geometry(parameters: Any) -> Any:
+    """Return nested parameters without those that a weighed linkage replaces."""
+    if not isinstance(parameters, Mapping):
+        return parameters
+    rest = {}
+    for name, parameter in parameters.items():
+        if str(name).rpartition('.')[2] not in _REPLACED:
+            rest[name] = _without_geometry(parameter)
+    return rest
+
+
+def weighed(file: str, robot: Robot) -> Robot:
+    """Return the robot of a file; with the masses of its parts, if it has only their material."""
+    settings = part_settings(robot.legs, {}, 1.0)
+    if 'material' not in settings or all(leg.masses for leg in robot.legs):
+        return robot
+    legs = placed_legs(robot, part_sizes(settings))
+    return robot_from_text(weighed_file(file, legs, settings), file)

@@ -276,8 +276,7 @@ class Robot:
 
         """
         if leg.masses is None:
-            raise MassError(
-                f'{self.source or self.name} has no masses: bar_density [kg/m] is missing'
-            )
+            missing = 'bar_density [kg/m] is missing, or what `export FILE --weighed OUT` writes'
+            raise MassError(f'{self.source or self.name} has no masses: {missing}')
         x, y, _ = leg.mount.rotation.T @ (0.0, 0.0, -GRAVITY)
         return Dynamics(leg.linkage, leg.masses, gravity=(float(x), float(y)))

@@ -15,11 +15,13 @@ class UnitWarning(UserWarning):
     """A legal number, probably given in another unit."""
 
 
-def warn_of_lengths(lengths: Mapping[str, float], advice: str = '') -> None:
-    """Warn of the largest of lengths [m] by name, if it is beyond 20 m; `advice`: the remedy."""
+def warn_of_lengths(
+    lengths: Mapping[str, float], advice: str = '', limit: float = MAX_LENGTH
+) -> None:
+    """Warn of the largest length [m] by its name, beyond a limit; `advice` is the remedy."""
     name = max(lengths, key=lambda key: abs(lengths[key]), default='')
     length = lengths.get(name, 0.0)
-    if abs(length) > MAX_LENGTH:
+    if abs(length) > limit:
         advice = advice or f'write {length / 1000.0:.6g}'
         _warn(f'{name} = {length:.6g} is read as {length:.6g} m: if it is in mm, {advice}')
 

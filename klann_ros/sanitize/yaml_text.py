@@ -45,7 +45,29 @@ _LOADER_ERRORS = (
     ValueError,
 )
 # libyaml's takes a tenth of the time; a PyYAML built without it has none.
-_FastDumper = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
+_FastDumper: Any = type('_FastDumper', (getattr(yaml, 'CSafeDumper', yaml.SafeDumper),), {})
+_PlainDumper: Any = type('_PlainDumper', (yaml.SafeDumper,), {})
+
+
+def _block_text(dumper: Any, text: str) -> yaml.ScalarNode:
+    """Return the node of a text, one of several lines as a literal block where YAML allows it."""
+    style = '|' if '\n' in text.strip('\n') else None
+    node: yaml.ScalarNode = dumper.represent_scalar('tag:yaml.org,2002:str', text, style=style)
+    return node
+
+
+def _row_of_numbers(dumper: Any, items: list[Any]) -> yaml.SequenceNode:
+    """Return the node of a list, one of numbers on one line."""
+    is_row = all(isinstance(item, int | float) for item in items)
+    node: yaml.SequenceNode = dumper.represent_sequence(
+        'tag:yaml.org,2002:seq', items, flow_style=is_row
+    )
+    return node
+
+
+for _dumper in (_FastDumper, _PlainDumper):
+    _dumper.add_representer(str, _block_text)
+    _dumper.add_representer(list, _row_of_numbers)
 
 
 class YamlError(ValueError):
@@ -120,7 +142,7 @@ def dump(data: object) -> str:
         text: str = yaml.dump(data, Dumper=_FastDumper, **options)
     except UnicodeEncodeError:
         # A lone surrogate: libyaml refuses it, PyYAML escapes it.
-        text = yaml.dump(data, Dumper=yaml.SafeDumper, **options)
+        text = yaml.dump(data, Dumper=_PlainDumper, **options)
     return text.rstrip('\n')
 
 

@@ -167,6 +167,8 @@ class _Model:
         """Return the XML of the model."""
         root = Element('mujoco', model=self.unique('model', self.robot.name))
         root.append(Comment(' Made by klann_ros. Metres, kilograms, seconds, radians. '))
+        for origin in dict.fromkeys(leg.masses.origin for leg in self.robot.legs if leg.masses):
+            root.append(Comment(f' masses: {origin.replace("--", "- -")} '))
         # As in a URDF: roll, pitch and yaw about fixed axes.
         _add(root, 'compiler', angle='radian', autolimits='true', eulerseq='XYZ')
         self._option(root)

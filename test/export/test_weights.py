@@ -1,4 +1,4 @@
-"""The masses of plates: exact for a bar, by counting small squares for any, and in every use."""
+"""The masses of parts: exact for a bar, by squares and by meshes for any, and in every use."""
 
 from dataclasses import replace
 import json
@@ -6,23 +6,36 @@ from math import pi
 from pathlib import Path
 
 from klann_ros.datasheet.command import main as describe
-from klann_ros.export import plates
+from klann_ros.dynamics import BodyMass
+from klann_ros.export import leg_parts, Part, part_settings, PartSizes, placed_legs, plates, Role
 from klann_ros.export.command import main
+from klann_ros.export.parts import plate_prism
 from klann_ros.export.plates import Plate
-from klann_ros.export.weights import plate_mass
+from klann_ros.export.weights import Material, weighed_file
+from klann_ros.kinematics import FIXED, schema_error, SHIPPED
 from klann_ros.robot import robot_from_file, robot_of
+from klann_ros.sanitize.units import UnitWarning
+from klann_ros.sanitize.yaml_text import parse
 import mujoco
 import numpy as np
 import pytest
+from shapely import LineString, Point, Polygon, unary_union
+import trimesh
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLE, WIDTH, THICKNESS, DENSITY = 4e-3, 20e-3, 3e-3, 1190.0
-OPTIONS = ['--hole', '4', '--width', '20', '--thickness', '3', '--plate-density', '1190']
+OPTIONS = ['--hole', '4', '--width', '20', '--thickness', '3', '--material', '1190']
+PLA, INFILL, WALL = 1240.0, 0.3, 1e-3
 
 
 def plates_of(name: str) -> dict[str, Plate]:
     robot_plates = plates(robot_of(name), hole=HOLE, width=WIDTH)
     return {plate.name: plate for plate in robot_plates}
+
+
+def plate_mass(plate: Plate, thickness: float, density: float) -> BodyMass:
+    part = Part(plate.name, Role.LINK, plate.body, (plate_prism(plate, 0.0, thickness),))
+    return part.mass(density)
 
 
 def test_a_bar_is_a_rectangle_with_two_half_discs_and_two_holes() -> None:
@@ -85,42 +98,162 @@ def test_a_scaled_density_or_thickness_scales_all() -> None:
     assert solid.mass - mass.mass == pytest.approx(len(plate.holes) * hole, rel=1e-3)
 
 
-def test_the_masses_of_plates_are_in_every_use_of_the_file(tmp_path: Path) -> None:
-    out, sheet, mjcf = (str(tmp_path / name) for name in ('leg.yaml', 'leg.json', 'leg.xml'))
-    assert main(['jansen', '--weighed', out, *OPTIONS]) == 0
-    expected = {}
-    for plate in plates_of('jansen').values():
-        expected[plate.name] = plate_mass(plate, THICKNESS, DENSITY).mass
-    (leg,) = robot_from_file(out).legs
+def mesh_volume(plate: Plate, inset: float, height: float) -> float:
+    """Return the volume of a plate without a margin along its edges, by other libraries."""
+    width = plate.width / 2.0 - inset
+    shape = unary_union([bar(link).buffer(width, quad_segs=256) for link in plate.links])
+    for cut in (*plate.holes, *plate.slots):
+        radius = (cut.diameter + PartSizes().clearance) / 2.0 + inset
+        shape -= bar(cut.line).buffer(radius, quad_segs=256)
+    assert isinstance(shape, Polygon)
+    return float(trimesh.creation.extrude_polygon(shape, height).volume)
+
+
+def bar(link: tuple[complex, complex]) -> LineString | Point:
+    """Return the centre line of a bar or a slot."""
+    start, end = ((point.real, point.imag) for point in link)
+    return LineString([start, end]) if start != end else Point(start)
+
+
+@pytest.mark.parametrize('name', ['klann', 'jansen', 'quick_return'])
+def test_a_printed_leg_weighs_its_meshes_in_describe(name: str, tmp_path: Path) -> None:
+    file, sheet = tmp_path / 'leg.yaml', tmp_path / 'leg.json'
+    text = (SHIPPED / f'{name}.yaml').read_text().replace('density:', '# ')
+    file.write_text(f'{text}\nparts: {{material: PLA, infill: {INFILL}, pins: steel}}\n')
+    assert describe([str(file), '--json', str(sheet)]) == 0
+    (leg,) = json.loads(sheet.read_text())['legs']
+    sizes = PartSizes(hole=3.2e-3, thickness=THICKNESS)
+    linkage = robot_of(name).legs[0].linkage
+    width = sizes.link_width(linkage.size)
+    expected = 0.0
+    for plate in plates(robot_of(name), hole=sizes.hole, width=width):
+        if plate.body != FIXED:
+            core = mesh_volume(plate, WALL, THICKNESS - 2.0 * WALL)
+            expected += PLA * (mesh_volume(plate, 0.0, THICKNESS) - (1.0 - INFILL) * core)
+    for part in leg_parts(linkage, sizes):
+        if part.body != FIXED and part.role is Role.SPACER:
+            expected += Material('PLA', PLA, INFILL).mass(part).mass
+        elif part.body != FIXED and part.role.is_hardware:
+            expected += 7850.0 * part.volume
+    assert leg['mass'] == pytest.approx(expected, rel=1e-2)
+    assert leg['mass_origin'] == 'parts of PLA, 3 mm, infill 30 %, pins of steel, by export'
+
+
+def test_an_infill_without_walls_is_a_factor() -> None:
+    for part in leg_parts(robot_of('klann').legs[0].linkage):
+        solid = part.mass(PLA)
+        filled = Material('PLA', PLA, INFILL, wall=0.0).mass(part)
+        assert filled.mass == pytest.approx(INFILL * solid.mass)
+        assert filled.inertia == pytest.approx(INFILL * solid.inertia)
+        assert Material('PLA', PLA, INFILL, wall=1.0).mass(part) == pytest.approx(solid)
+
+
+@pytest.fixture(scope='module')
+def weighed_leg(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp('weighed') / 'leg.yaml'
+    assert main(['jansen', '--weighed', str(out), *OPTIONS]) == 0
+    return out
+
+
+def test_the_masses_of_parts_are_in_every_use_of_the_file(
+    weighed_leg: Path, tmp_path: Path
+) -> None:
+    sheet, mjcf = (str(tmp_path / name) for name in ('leg.json', 'leg.xml'))
+    sizes = PartSizes(hole=HOLE, width=WIDTH, thickness=THICKNESS)
+    (leg,) = robot_from_file(weighed_leg).legs
     assert leg.linkage == robot_of('jansen').legs[0].linkage
     assert leg.masses is not None
-    for name, body in zip(leg.linkage.joint_names, leg.masses.bodies, strict=True):
-        assert body.mass == pytest.approx(expected[name], rel=1e-12)
-    assert describe([out, '--json', sheet]) == 0
+    expected = dict.fromkeys(range(len(leg.masses.bodies)), 0.0)
+    for part in leg_parts(leg.linkage, sizes):
+        if part.body != FIXED:
+            expected[part.body] += 1190.0 * part.volume
+    assert [body.mass for body in leg.masses.bodies] == pytest.approx([*expected.values()])
+    assert describe([str(weighed_leg), '--json', sheet]) == 0
     (described,) = json.loads(Path(sheet).read_text())['legs']
     assert described['mass_basis'] == 'bodies'
     assert described['mass'] == pytest.approx(leg.masses.total)
-    assert main([out, '--mjcf', mjcf]) == 0
+    assert main([str(weighed_leg), '--mjcf', mjcf]) == 0
+    assert 'masses: parts of 1190 kg/m^3, 3 mm, by export' in Path(mjcf).read_text()
     model = mujoco.MjModel.from_xml_path(mjcf)
     assert mujoco.mj_getTotalmass(model) == pytest.approx(leg.masses.total, rel=1e-6)
 
 
-def test_a_walker_and_its_motor_carry_the_masses_of_plates(tmp_path: Path) -> None:
-    out, walker, sheet = (str(tmp_path / name) for name in ('leg.yaml', 'two.yaml', 'two.json'))
-    assert main(['jansen', '--weighed', out, *OPTIONS]) == 0
-    Path(walker).write_text('legs: [left, right]\nlinkage: leg.yaml\nfoot_mass: 0.05\n')
+def test_a_weighed_file_is_weighed_again_by_its_own_sizes(
+    weighed_leg: Path, tmp_path: Path
+) -> None:
+    again = tmp_path / 'again.yaml'
+    assert main([str(weighed_leg), '--weighed', str(again)]) == 0
+    assert again.read_text() == weighed_leg.read_text()
+    thick = tmp_path / 'thick.yaml'
+    assert main([str(again), '--weighed', str(thick), '--thickness', '6', '--hole', 'Y=5']) == 0
+    parts = parse(thick.read_text())['parts']
+    assert parts['thickness'] == pytest.approx(0.6)
+    assert parts['holes'] == {'Y': 0.5}
+    assert parts['hole'] == parse(again.read_text())['parts']['hole']
+
+
+def test_a_walker_and_its_motor_carry_the_masses_of_parts(
+    weighed_leg: Path, tmp_path: Path
+) -> None:
+    walker, sheet = tmp_path / 'two.yaml', str(tmp_path / 'two.json')
+    walker.write_text(f'legs: [left, right]\nlinkage: {weighed_leg}\nfoot_mass: 0.05\n')
     motor = str(ROOT / 'config' / 'motor_example.yaml')
-    assert describe([walker, '--motor', motor, '--speed', '1', '--json', sheet]) == 0
-    plate_masses = robot_from_file(out).legs[0].masses
-    assert plate_masses is not None
+    assert describe([str(walker), '--motor', motor, '--speed', '1', '--json', sheet]) == 0
+    part_masses = robot_from_file(weighed_leg).legs[0].masses
+    assert part_masses is not None
     content = json.loads(Path(sheet).read_text())
     (leg,) = content['legs']
-    assert leg['mass'] == pytest.approx(plate_masses.total + 0.05)
-    assert leg['mass_basis'] == 'bodies'
+    assert leg['mass'] == pytest.approx(part_masses.total + 0.05)
     robot = robot_from_file(walker)
     turn = robot.dynamics(robot.legs[0]).turn(1.0)
     (crank,) = content['cranks']
     assert crank['motor']['peak'] == pytest.approx(2.0 * turn.torque.max(), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    'file',
+    [
+        'sem104',
+        'config/sem104.yaml',
+        'config/sem104_built.yaml',
+        'config/walker6_two_motors.yaml',
+        'config/walker_jansen.yaml',
+    ],
+)
+def test_every_robot_is_the_same_one_in_its_weighed_file(file: str, tmp_path: Path) -> None:
+    path = file if file == 'sem104' else str(ROOT / file)
+    robot = robot_of(path)
+    out = tmp_path / Path(path).name
+    out.write_text(weighed_file(path, placed_legs(robot), {'material': 'PLA'}))
+    assert '\\n' not in out.read_text()
+    weighed_robot = robot_from_file(out)
+    assert weighed_robot.body == robot.body
+    for leg, weighed in zip(robot.legs, weighed_robot.legs, strict=True):
+        assert weighed.masses is not None
+        assert weighed.masses.source == 'parts of PLA, 3 mm, by export'
+        assert leg.masses is not None
+        assert weighed.masses.foot_mass == leg.masses.foot_mass
+        assert (weighed.mount, weighed.phase, weighed.direction) == (
+            leg.mount,
+            leg.phase,
+            leg.direction,
+        )
+        assert weighed.linkage.bars == pytest.approx(leg.linkage.bars, abs=1e-9)
+        assert weighed.linkage.assembly == leg.linkage.assembly
+
+
+def test_legs_that_differ_have_each_their_own_masses(tmp_path: Path) -> None:
+    walker, out = tmp_path / 'two.yaml', tmp_path / 'out.yaml'
+    walker.write_text(
+        '/**:\n ros__parameters:\n  legs: [left, right]\n  right: {l_gh: 0.5}\n  rate: 50.0\n'
+    )
+    legs = placed_legs(robot_of(str(walker)))
+    out.write_text(weighed_file(str(walker), legs, {'material': 'PLA'}))
+    left, right = robot_from_file(out).legs
+    assert left.masses is not None
+    assert right.masses is not None
+    assert right.masses.total > left.masses.total
+    assert parse(out.read_text())['/**']['ros__parameters']['rate'] == 50.0
 
 
 def test_a_weighed_file_is_no_other_output(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -132,10 +265,11 @@ def test_a_weighed_file_is_no_other_output(tmp_path: Path, capsys: pytest.Captur
 @pytest.mark.parametrize(
     ('arguments', 'reason'),
     [
-        (['jansen', '--weighed', 'a.yaml'], 'needs --plate-density'),
-        (['jansen', '--weighed', 'a.yaml', *OPTIONS, '--scale', '2'], 'no --scale'),
+        (['jansen', '--weighed', 'a.yaml'], 'parts.material is missing'),
+        (['jansen', '--weighed', 'a.yaml', '--material', 'pla'], 'did you mean PLA?'),
+        (['jansen', '--weighed', 'a.yaml', *OPTIONS, '--scale', '2'], 'takes no --scale'),
         (['jansen', '--weighed', 'there.yaml', *OPTIONS], 'is there already'),
-        (['sem104', '--weighed', 'a.yaml', *OPTIONS], "takes a linkage's file, such as klann"),
+        (['jansen', '--weighed', 'a.yaml', '--material', 'PLA', '--hole', '4000'], 'hole'),
     ],
 )
 def test_what_cannot_be_weighed_is_one_line(
@@ -153,3 +287,29 @@ def test_what_cannot_be_weighed_is_one_line(
     assert error.count('\n') == 1
     assert not Path('a.yaml').exists()
     assert Path('there.yaml').read_text() == 'name: mine\n'
+
+
+@pytest.mark.parametrize(
+    ('parts', 'reason'),
+    [
+        ({'thickness': -3}, 'parts.thickness: -3 must be > 0'),
+        ({'thickness': '3 mm'}, "parts.thickness: '3 mm' must be a number"),
+        ({'infill': 30}, 'parts.infill: 30 must be <= 1'),
+        ({'materail': 'PLA'}, 'did you mean material?'),
+        ({'material': 'PLA!'}, "parts.material: 'PLA!' is no name"),
+        ({'material': 1e9}, 'must be <= 30000'),
+        ({'holes': {'a b': 3}}, "'a b' is no name"),
+        ({'holes': 3}, 'parts.holes: 3 must be a mapping'),
+        ('PLA', "parts: 'PLA' must be a mapping"),
+    ],
+)
+def test_hostile_settings_of_parts_have_a_reason(parts: object, reason: str) -> None:
+    content = parse((SHIPPED / 'klann.yaml').read_text())
+    assert reason in schema_error({**content, 'parts': parts})
+
+
+def test_a_size_in_the_wrong_unit_is_warned_of() -> None:
+    text = (SHIPPED / 'klann.yaml').read_text().replace('length: mm', 'length: m')
+    leg = replace(robot_of('klann').legs[0], description=f'{text}\nparts: {{thickness: 3}}\n')
+    with pytest.warns(UnitWarning, match=r'parts.thickness = 3 is read as 3 m'):
+        part_settings([leg], {}, 1.0)

@@ -43,6 +43,7 @@ ALLOWED = {
     'live': {'lazy_face', 'sanitize', 'kinematics', 'log', 'robot', 'review', 'web'},
     'datasheet': {
         *('cli', 'lazy_face', 'sanitize', 'kinematics', 'dynamics', 'robot', 'gait', 'web'),
+        'export',
     },
     'calibration': {
         *('cli', 'lazy_face', 'sanitize', 'messages', 'kinematics', 'robot', 'log', 'web'),
@@ -53,7 +54,7 @@ ALLOWED = {
     },
     'design': {
         *('cli', 'sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'gait', 'web'),
-        'datasheet',
+        *('datasheet', 'export'),
     },
     'stop_signals': set(),
     'nodes': {

@@ -144,7 +144,7 @@ def content_with_numbers(text: str, linkage: Linkage) -> Any:
     for dimension, number in zip(linkage.structure.dimensions, linkage.numbers, strict=True):
         place = dimension.place
         scale = radian if dimension.kind == 'bend' else metre
-        rounded = round(number / scale, NUMBER_DIGITS)
+        rounded = round(dimension.sense * number / scale, NUMBER_DIGITS)
         if dimension.kind in {'x', 'y'}:
             pivot = content['pivots'][linkage.structure.pivots[place]]
             pivot['xy'.index(dimension.kind)] = rounded

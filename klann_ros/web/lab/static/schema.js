@@ -46,6 +46,18 @@ function anAmount(value, place) {
     wrong(place, `${short(value)} must be >= 0`, `${short(value)} tem de ser >= 0`);
 }
 
+function aLengthUpTo(limit) {
+  return (value, place) => {
+    aLength(value, place);
+    if (value > limit)
+      wrong(
+        place,
+        `${short(value)} must be <= ${limit}`,
+        `${short(value)} tem de ser <= ${limit}`,
+      );
+  };
+}
+
 function aName(value, place) {
   if (typeof value !== 'string' || !NAME.test(value))
     wrong(
@@ -53,6 +65,11 @@ function aName(value, place) {
       `${short(value)} is no name: letters, digits and _, a letter first`,
       `${short(value)} não é um nome: letras, algarismos e _, começando por letra`,
     );
+}
+
+function aMaterial(value, place) {
+  if (typeof value === 'number') aLengthUpTo(30000)(value, place);
+  else aName(value, place);
 }
 
 function aText(value, place) {
@@ -190,6 +207,19 @@ const LINKAGE_RULES = record(['name', 'pivots', 'crank', 'foot', 'bodies'], {
   foot: aName,
   leg: truth,
   density: anAmount,
+  mass_source: aTitle,
+  parts: record([], {
+    material: aMaterial,
+    pins: aMaterial,
+    infill: aLengthUpTo(1),
+    wall: anAmount,
+    thickness: aLength,
+    width: aLength,
+    hole: aLength,
+    holes: mapOf(aLength, 0),
+    washer: anAmount,
+    clearance: anAmount,
+  }),
   springs: listOf(
     record(['from', 'to', 'stiffness'], {
       from: anEnd,
