@@ -163,13 +163,7 @@ def load_run(
     Return the requested measurements of a run.
 
     Crank angles are those of `crank_topic`, by default of the leg's joint in a JointState, or of a
-    Float64 called crank_angle.
-
-    Raises
-    ------
-    MeasurementError
-        A topic is missing, or cannot be used; the text says why.
-
+    Float64 called crank_angle. Raises a MeasurementError for a topic that is missing or unusable.
     """
     with open_log(path) as log:
         # A topic of several files may have several profiles, of which any will do.

@@ -122,11 +122,7 @@ def grown_spaces(
     """
     Return the spaces of the key `grow` of requirements, one for each structure.
 
-    Raises
-    ------
-    RequirementsError
-        The crank has no range.
-
+    Raises a RequirementsError if the crank has no range.
     """
     size = units.size('m')
     if 'crank' in options:

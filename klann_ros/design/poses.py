@@ -22,24 +22,17 @@ class PoseTarget:
     Poses of the bar from `start` to `point`; without names that of the foot.
 
     The distance d from a pose is that of the point and, at the length l of the bar, of its angle:
-    d^2 = |p - p_i|^2 + (2 l sin((theta - theta_i) / 2))^2.
-
-    Attributes
-    ----------
-    points, angles : numpy.ndarray, shape (k,)
-        Of the point, complex [m], and of the bar [rad]; NaN for any.
-    cranks : numpy.ndarray, shape (k,)
-        Crank angles from that of the first pose [rad]; NaN for the nearest.
-    is_exact : numpy.ndarray of bool, shape (k,)
-        Whether each pose is to be met exactly.
-
+    d^2 = |p - p_i|^2 + (2 l sin((theta - theta_i) / 2))^2. All arrays have the shape (k,).
     """
 
     start: str
     point: str
+    # Places of the point [m] and angles of the bar [rad]; NaN for any.
     points: ComplexArray
     angles: FloatArray
+    # Crank angles from that of the first pose [rad]; NaN for the nearest.
     cranks: FloatArray
+    # Whether each pose is to be met exactly.
     is_exact: BoolArray
 
     @property

@@ -93,14 +93,8 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     """
     Return the leg of a candidate's file, its figures computed again and checked.
 
-    Only the file's text counts: no number of the search is used.
-
-    Raises
-    ------
-    ProofError
-        It does not turn fully, or in another way than the candidate; links are in line, or a limit
-        does not hold.
-
+    Only the file's text counts: no number of the search is used. Raises a ProofError if it does
+    not turn fully, or in another way than the candidate, links are in line, or a limit fails.
     """
     try:
         text = leg_text(with_numbers(candidate.space.leg, candidate.linkage))

@@ -60,13 +60,8 @@ def refined(requirements: Requirements, space: Space, x: FloatArray) -> Linkage:
     Return a candidate nearer to its path, on which it is placed, its poses, and its limits.
 
     Levenberg-Marquardt on the distances of corresponding points and from the poses, of which exact
-    ones count more from one run to the next, and on what limits lack; x of shape (d,).
-
-    Raises
-    ------
-    GeometryError
-        It is no linkage.
-
+    ones count more from one run to the next, and on what limits lack; x of shape (d,). Raises a
+    GeometryError if it is no linkage.
     """
     target = requirements.target
     poses = requirements.poses

@@ -103,13 +103,8 @@ def varied_space(
     """
     Return the space of a linkage by the keys `vary`, `tie` and `scale` of requirements.
 
-    With `several` linkages a name need not be a dimension of this one.
-
-    Raises
-    ------
-    RequirementsError
-        A range is empty, or a dimension unknown.
-
+    With `several` linkages a name need not be a dimension of this one. Raises a RequirementsError
+    for an empty range or an unknown dimension.
     """
     vary = content.get('vary', DEFAULT_PERCENT)
     ranges = dict(vary) if isinstance(vary, Mapping) else {'all': vary}

@@ -46,27 +46,17 @@ class PathFit(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """
-    A closed path.
+    """A closed path."""
 
-    Attributes
-    ----------
-    points : numpy.ndarray of complex, shape (k,)
-        In the order of travel [m].
-    can_move, can_turn, can_scale : bool
-        Whether legs may be moved, turned and scaled onto it.
-    is_timed : bool
-        Whether the points are at equal steps of the crank.
-    has_corners : bool
-        Whether straight lines join the points, not a smooth curve.
-
-    """
-
+    # In the order of travel, shape (k,) [m].
     points: ComplexArray
+    # Whether legs may be moved, turned and scaled onto it.
     can_move: bool = True
     can_turn: bool = True
     can_scale: bool = True
+    # Whether the points are at equal steps of the crank.
     is_timed: bool = False
+    # Whether straight lines join the points, not a smooth curve.
     has_corners: bool = False
 
     @property
@@ -228,11 +218,7 @@ def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Targe
     """
     Return the target of the key `path` of requirements, in units of `metre`.
 
-    Raises
-    ------
-    OSError, ValueError
-        Its file cannot be read, or it has no points.
-
+    Raises an OSError or a ValueError if its file cannot be read or it has no points.
     """
     if ('points' in content) == ('file' in content):
         raise ValueError('either points or file must be there')

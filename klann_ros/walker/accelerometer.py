@@ -33,19 +33,13 @@ class AccelerometerMonitor:
     that samples instants loses impacts. So its variance grows until the correction is usual. One
     that would have to be so noisy that it measures no more than friction does is rejected for a
     while, each time for twice as long.
-
-    Attributes
-    ----------
-    innovation_square : float
-        Mean square of `innovation` over `slope_time`.
-    noise_factor : float
-        Factor of the variance of its noise.
-
     """
 
     def __init__(self, noise: OdometryNoise) -> None:
         self._noise = noise
+        # Mean square of `innovation` over `slope_time`.
         self.innovation_square = 0.0
+        # Factor of the variance of its noise.
         self.noise_factor = 1.0
         # Mean force that friction adds to the accelerometer, by the largest.
         self._mean_force = 0j
@@ -135,12 +129,6 @@ class StandstillDetector:
     It stands while no motion is commanded and, whatever moves it, while its cranks and its body
     are slow and the cranks stay where they are: means of many angles show a creep that is far
     below the noise of one.
-
-    Attributes
-    ----------
-    time : float
-        For which it has stood [s].
-
     """
 
     def __init__(self, noise: OdometryNoise) -> None:
@@ -151,6 +139,7 @@ class StandstillDetector:
 
     def restart(self) -> None:
         """Begin a standstill now."""
+        # Time for which it has stood [s].
         self.time = 0.0
         self._last: list[float] = []
         # Mean angles of its first `settling_time`, later of that before, and of the last [rad].

@@ -19,13 +19,8 @@ class Interlocks:
     The permission to move, which is withdrawn by users and by an emergency stop.
 
     `is_active` is the state of a managed node, and `is_enabled` that of a servo drive: while it is
-    disabled the cranks are commanded to stand. An emergency stop trips the `latch`.
-
-    Parameters
-    ----------
-    steady : callable, optional
-        Returns the time of a clock that always runs [s]; see `WalkController`.
-
+    disabled the cranks are commanded to stand. An emergency stop trips the `latch`. `steady` is
+    a clock that always runs [s]; see `WalkController`.
     """
 
     def __init__(self, steady: SteadyClock | None = None) -> None:

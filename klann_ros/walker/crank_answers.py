@@ -72,24 +72,10 @@ def crank_findings(
     joint: str, turns: tuple[Turn, Turn], min_angle: float, *, is_backwards: bool | None
 ) -> tuple[list[CommissioningFinding], CrankDrive | None]:
     """
-    Judge a crank that turned forwards and back.
+    Judge a crank that turned forwards and back; return findings and the drive as measured.
 
-    Parameters
-    ----------
-    joint : str
-        The crank's.
-    turns : tuple of Turn
-        Forwards and back.
-    min_angle : float
-        Smallest angle that is no noise [rad].
-    is_backwards : bool, optional
-        Whether it was seen to turn backwards first; None: nobody looked.
-
-    Returns
-    -------
-    tuple
-        The findings, and encoder and motor as measured; None if they cannot be told.
-
+    Smaller angles than `min_angle` [rad] are noise. `is_backwards`: whether it was seen to turn
+    backwards first; None if nobody looked. The drive is None if it cannot be told.
     """
     forwards, back = turns
     if not forwards.commanded or not back.commanded:

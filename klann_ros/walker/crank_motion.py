@@ -17,27 +17,17 @@ Attitude = tuple[float, float]
 
 
 class SlopeEstimator:
-    """
-    The running mean of the measured attitude less that of the body on its feet.
-
-    Attributes
-    ----------
-    acceleration : complex
-        Gravity along the slope, in the level frame of base_link [m/s^2].
-    attitude : tuple of float
-        Roll and pitch: the measured ones, or those to which the body tips [rad].
-    contact_weight : float
-        Weight of the contact model: less where the attitude contradicts its feet.
-    roughness : float
-        Mean square of the normalised innovation, cut while the body tips.
-
-    """
+    """The running mean of the measured attitude less that of the body on its feet."""
 
     def __init__(self, noise: OdometryNoise) -> None:
         self._noise = noise
+        # Gravity along the slope, in the level frame of base_link [m/s^2].
         self.acceleration = 0j
+        # Roll and pitch: the measured ones, or those to which the body tips [rad].
         self.attitude: Attitude | None = None
+        # Weight of the contact model: less where the attitude contradicts its feet.
         self.contact_weight = 1.0
+        # Mean square of the normalised innovation, cut while the body tips.
         self.roughness = 0.0
         # Mean square of the normalised innovation, and the time measured so far [s].
         self._innovation_square = 0.0
@@ -149,28 +139,19 @@ class CrankFilter:
 
 
 class CentreMotion:
-    """
-    The centre of mass of a walker.
-
-    Attributes
-    ----------
-    height : float
-        Above the ground [m].
-    velocity : complex, optional
-        In base_link [m/s]; None where unknown.
-    acceleration : complex
-        Over ground, filtered, in the level frame of base_link [m/s^2].
-
-    """
+    """The centre of mass of a walker."""
 
     def __init__(self, noise: OdometryNoise) -> None:
         self._filter_time = noise.load_shift_time
+        # Height above the ground [m].
         self.height = 0.0
         self.stop()
 
     def stop(self) -> None:
         """Forget how it moved."""
+        # Velocity in base_link [m/s]; None where unknown.
         self.velocity: complex | None = None
+        # Acceleration over ground, filtered, in the level frame of base_link [m/s^2].
         self.acceleration = 0j
         # Velocity over ground [m/s].
         self._ground_velocity: complex | None = None
@@ -187,31 +168,16 @@ class CentreMotion:
 
 
 class StanceEstimator:
-    """
-    The feet on which a walker stands, and its pose on them.
-
-    Attributes
-    ----------
-    feet : Feet
-        Its feet.
-    support : Support, optional
-        None before the first angles, and where its centre of mass is not above its feet.
-    pose : StancePose, optional
-        None where it has no support, and after a jump of the encoders.
-    centre : CentreMotion
-        Its centre of mass.
-    slope : SlopeEstimator
-        The ground below it.
-    support_check : SupportCheck
-        Whether its feet can carry it.
-
-    """
+    """The feet on which a walker stands, and its pose on them."""
 
     def __init__(self, feet: Feet, noise: OdometryNoise) -> None:
         self.feet = feet
         self._noise = noise
+        # None before the first angles, and where its centre of mass is not above its feet.
         self.support: Support | None = None
+        # None where it has no support, and after a jump of the encoders.
         self.pose: StancePose | None = None
+        # The centre of mass, the ground below it, and whether the feet can carry it.
         self.centre = CentreMotion(noise)
         self.slope = SlopeEstimator(noise)
         self.support_check = SupportCheck(noise)

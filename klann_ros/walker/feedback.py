@@ -315,31 +315,16 @@ class ReadingCounts:
 
 
 class CrankFeedback:
-    """
-    The state of the crank of a joint by its encoder.
-
-    Attributes
-    ----------
-    joint : str
-        The joint.
-    max_rate : float
-        Its greatest rate [rad/s].
-    position : float
-        The last accepted angle, without the encoder's whole turns [rad]; NaN before the first.
-    velocity : float
-        Its rate in the message, or else from angle to angle [rad/s].
-    times : ReadingTimes
-        The times of that reading.
-    counts : ReadingCounts
-        Rejected and repeated readings, and position offsets.
-
-    """
+    """The state of the crank of a joint by its encoder, up to `max_rate` [rad/s]."""
 
     def __init__(self, joint: str, max_rate: float, steady: SteadyClock | None = None) -> None:
         self.joint = joint
         self.max_rate = max_rate
+        # The last accepted angle, without the encoder's whole turns [rad]; NaN before the first.
         self.position = nan
+        # Its rate in the message, or else from angle to angle [rad/s].
         self.velocity = 0.0
+        # The times of that reading; rejected and repeated readings, and position offsets.
         self.times = ReadingTimes()
         self.counts = ReadingCounts()
         self.watchdog = Watchdog(steady)

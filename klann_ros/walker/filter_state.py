@@ -22,22 +22,13 @@ class FilterState:
     The mean and the covariance of x, y, yaw, velocity, yaw rate and biases; units as in odometry.
 
     The heading and the biases of gyro and accelerometer are here alone.
-
-    Attributes
-    ----------
-    mean : numpy.ndarray, shape (9,)
-        The state.
-    covariance : numpy.ndarray, shape (9, 9)
-        Its covariance.
-    travelled : float
-        The distance that base_link moved [m].
-
     """
 
     def __init__(self, noise: OdometryNoise) -> None:
         self.mean = np.zeros(9)
         deviations = [0.0] * 6 + [noise.gyro_bias] + [noise.accelerometer_bias] * 2
         self.covariance = np.diag(np.square(deviations))
+        # The distance that base_link moved [m].
         self.travelled = 0.0
 
     @property

@@ -119,23 +119,13 @@ class OrientationFilter:
 
 
 class VelocityIntegral:
-    """
-    The integral of the specific force less gravity, in the level frame of base_link.
-
-    Attributes
-    ----------
-    is_available : bool
-        Whether a reading had a specific force that could be used.
-    period : float
-        Usual time between readings [s].
-    span : float
-        The time that the integral covers [s].
-
-    """
+    """The integral of the specific force less gravity, in the level frame of base_link."""
 
     def __init__(self, noise: OdometryNoise) -> None:
         self._noise = noise
+        # Whether a reading had a specific force that could be used.
         self.is_available = False
+        # Usual time between readings [s].
         self.period = 0.0
         # Time without a reading [s].
         self._silent_time = 0.0
@@ -144,6 +134,7 @@ class VelocityIntegral:
 
     def clear(self) -> None:
         """Begin the next interval."""
+        # The time that the integral covers [s].
         self.span = 0.0
         self._velocity: Triple = (0.0, 0.0, 0.0)
         # Whether no reading is missing or invalid.
@@ -182,23 +173,12 @@ class VelocityIntegral:
 
 
 class ImuPreintegration:
-    """
-    Accumulate readings of an IMU from one reading of the cranks to the next.
-
-    Attributes
-    ----------
-    last : ImuReading, optional
-        The last reading.
-    heading_variance : float
-        Variance of the yaw in its messages [rad^2].
-    velocity : VelocityIntegral
-        What its accelerometer measures.
-
-    """
+    """Accumulate readings of an IMU from one reading of the cranks to the next."""
 
     def __init__(self, noise: OdometryNoise) -> None:
         self._filter_time = noise.orientation_filter_time
         self.last: ImuReading | None = None
+        # Variance of the yaw in its messages [rad^2].
         self.heading_variance = 0.0
         self.velocity = VelocityIntegral(noise)
         self._orientation = OrientationFilter(noise.orientation_filter_time)

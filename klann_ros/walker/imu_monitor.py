@@ -52,12 +52,6 @@ class ImuMonitor:
     It is frozen where its stamps repeat, or its readings while the cranks move. Its yaw rate is
     compared with that of the feet by least squares of their slip, over `yaw_window`: the turn of
     the feet is uncertain by a part of their slip, and where they slide by as much as it is.
-
-    Attributes
-    ----------
-    state : ImuState
-        NONE before the first reading.
-
     """
 
     def __init__(self, noise: OdometryNoise) -> None:
@@ -133,27 +127,17 @@ class ImuMonitor:
 
 
 class ImuInput:
-    """
-    The IMU of the odometry, as long as its monitor lets it be used.
-
-    Attributes
-    ----------
-    monitor : ImuMonitor
-        Compares it with the feet.
-    readings : ImuPreintegration
-        Its readings, also while it is not used.
-    feet_yaw_rate : float
-        Mean yaw rate of the feet in the last interval, by least squares of their slip [rad/s].
-
-    """
+    """The IMU of the odometry, as long as its monitor lets it be used."""
 
     def __init__(self, noise: OdometryNoise) -> None:
         self._noise = noise
         self.monitor = ImuMonitor(noise)
+        # Its readings, also while it is not used.
         self.readings = ImuPreintegration(noise)
         # Turn of the feet since the last reading of the cranks, and slip by the reach [rad].
         self._feet_turn = 0.0
         self._slip_angle = 0.0
+        # Mean yaw rate of the feet in the last interval, by least squares of their slip [rad/s].
         self.feet_yaw_rate = 0.0
 
     @property

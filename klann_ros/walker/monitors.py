@@ -141,15 +141,7 @@ class FollowingMonitor:
     never has a following error, and one that does not has it at any rate. The velocities of the
     feedback only help to name the cause.
 
-    Parameters
-    ----------
-    crank : CrankFeedback
-        The feedback of the crank.
-    max_error : float
-        Commanded path in which the crank has to follow [rad].
-    reaction_time : float
-        T [s].
-
+    The crank has to follow within the commanded path `max_error` [rad]; `reaction_time` is T [s].
     """
 
     def __init__(self, crank: CrankFeedback, max_error: float, reaction_time: float) -> None:

@@ -32,13 +32,8 @@ def annotate(review: Review, output: str) -> None:
     Every message of the run is in it byte for byte. Beside them are `/review/findings`, a message
     at the time of each finding; and for each leg with a known geometry the solved angles and foot
     at the crank angle of every recorded pose since the last change of its geometry, with its log
-    time and stamp: `/review/NAMESPACE/joint_states` and `/review/NAMESPACE/LEG/point_h`.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written: the output exists, the run is annotated already, or the disk refused.
-
+    time and stamp: `/review/NAMESPACE/joint_states` and `/review/NAMESPACE/LEG/point_h`. Raises
+    an OutputError if the output exists, the run is annotated already, or the disk refused.
     """
     messages = list(_findings(review, _topic('/findings', DIAGNOSTICS.name)))
     # Legs of one JointState have poses of the same times: one message has their answers, too.
