@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 import json
 from pathlib import Path
 import re
-from typing import Any
+from typing import Any, NamedTuple
 
 from browser import find
 from browser_page import OpenedPage
@@ -58,6 +58,24 @@ METRES_A_PIXEL = '1 / (pixelsPerUnit(scene.svg, scene.drawing) * scene.drawing.p
 # What each joint is at, in metres of the leg's plane.
 PLACES = """() => Object.fromEntries(scene.leg.joints.map((node, i) => [
     node.dataset.point, scene.drawing.metresAt(scene.drawing.at(lab.pose.points[i]))]))"""
+# What is shown of a linkage: places, fields, and what is read in each language.
+SHOWN = """() => ({
+    alpha: lab.alpha,
+    places: Object.fromEntries(scene.leg.joints.map((node, i) => [
+        node.dataset.point, scene.drawing.metresAt(scene.drawing.at(lab.pose.points[i]))])),
+    fields: numbers.rows.map(({ label, field, scale }) => [
+        label.textContent, field.input.value, scale === 1000 ? 'mm' : 'deg']),
+    spoken: Object.fromEntries(['en', 'pt'].map((language) => {
+        speak(language);
+        const named = [...document.querySelectorAll('[aria-label]')];
+        return [language, document.body.innerText + named.map((node) => node.ariaLabel)];
+    })),
+})"""
+IS_LEG = """(text) => {
+    const { linkage, content } = readFile(text, lab.shipped.klann);
+    return isLeg(linkage.structure, content);
+}"""
+LEG_WORDS = {'en': r'\b(foot|stride|lift)\b', 'pt': r'\b(p\u00e9|passada|eleva\w+)\b'}
 # The timers by which panels are drawn soon after an edit; that of the link changes no panel.
 SOON = """
 const { setTimeout: start, clearTimeout: cancel } = window;
@@ -132,20 +150,39 @@ def visit(new_page: Callable[..., Any]) -> Callable[..., Opened]:
     return lambda *, fragment='', **options: Opened(new_page(**options), fragment)
 
 
-def test_every_shipped_linkage_is_drawn_without_a_request_or_an_error(visit) -> None:
-    opened = visit(locale='en-US')
+class Tour(NamedTuple):
+    """What the page shows of all shipped linkages, each chosen once."""
+
+    linkages: dict[str, dict[str, Any]]
+    requests: list[str]
+    complaints: list[str]
+
+
+@pytest.fixture(scope='module')
+def tour(browser: Any) -> Iterator[Tour]:
+    context = browser.new_context(locale='en-US')
+    opened = Opened(context.new_page())
     opened.page.locator('#others').click()
+    linkages = {}
     for name in shipped_linkages():
         # What is drawn of the last one must not be left over.
         opened.page.evaluate('newton.draw(1)')
         opened.page.locator('#linkage').select_option(name)
-        linkage = linkage_from_text((SHIPPED / f'{name}.yaml').read_text(encoding='utf-8'), name)
-        pose = LinkageLeg(linkage).solve(opened.page.evaluate('lab.alpha'))
-        places = opened.page.evaluate(PLACES)
+        opened.until('lab.turn && lab.turn.linkage === lab.linkage')
+        linkages[name] = opened.page.evaluate(SHOWN)
+        opened.page.evaluate("speak('en')")
+    yield Tour(linkages, opened.requests, opened.complaints)
+    context.close()
+
+
+def test_every_shipped_linkage_is_drawn_without_a_request_or_an_error(tour: Tour) -> None:
+    for name, shown in tour.linkages.items():
+        linkage = shipped_linkage(name)
+        pose = LinkageLeg(linkage).solve(shown['alpha'])
         for point, place in zip(linkage.structure.points, pose.points, strict=True):
-            assert np.abs(np.array(places[point]) - place).max() < 1e-9, (name, point)
-    assert opened.requests == [LAB_FILE.as_uri()]
-    assert opened.complaints == []
+            assert np.abs(np.array(shown['places'][point]) - place).max() < 1e-9, (name, point)
+    assert tour.requests == [LAB_FILE.as_uri()]
+    assert tour.complaints == []
 
 
 def test_the_policy_lets_no_other_script_run(visit) -> None:
@@ -261,9 +298,7 @@ def test_an_entry_holds_as_long_as_it_is_legal(lab: Opened) -> None:
         ('1.1e1cm', 110), ('0.000012 km', 12),
     )  # fmt: skip
     for text, millimetres in typed:
-        field.focus()
-        page.keyboard.press('Control+a')
-        page.keyboard.type(text[:-1])
+        field.fill(text[:-1])
         # A unit may be half written.
         assert not page.locator('#refusal').is_visible(), text
         page.keyboard.type(text[-1])
@@ -289,9 +324,8 @@ def test_an_entry_holds_as_long_as_it_is_legal(lab: Opened) -> None:
         '\N{MINUS SIGN}',
         '40 x',
     ):
-        field.focus()
-        page.keyboard.press('Control+a')
-        page.keyboard.type(text)
+        field.fill(text[:-1])
+        page.keyboard.type(text[-1])
         page.keyboard.press('Tab')
         assert page.evaluate(STATE) == first, text
         assert page.evaluate('lab.past.length') == past, text
@@ -306,9 +340,7 @@ def test_an_entry_holds_as_long_as_it_is_legal(lab: Opened) -> None:
     # The crank's angle is no edit.
     crank_field = page.locator('#alpha-number')
     for text, degrees in (('90', 90), ('1.2 rad', 68.7549354), ('-10', 350), ('70 kg', 350)):
-        crank_field.focus()
-        page.keyboard.press('Control+a')
-        page.keyboard.type(text)
+        crank_field.fill(text)
         page.keyboard.press('Enter')
         assert float(crank_field.input_value()) == pytest.approx(degrees, rel=1e-7), text
         alpha = page.evaluate('lab.alpha % TAU')
@@ -324,14 +356,11 @@ def test_an_entry_holds_as_long_as_it_is_legal(lab: Opened) -> None:
     assert page.evaluate('pathPanel.points') == [[0, 0], [0.05, 0], [0.05, 0.0254]]
 
 
-def test_the_fields_have_the_numbers_of_describe(lab: Opened) -> None:
-    fields = """numbers.rows.map(({ label, field, scale }, n) =>
-        [label.textContent, field.input.value, scale === 1000 ? 'mm' : 'deg'])"""
-    for name in shipped_linkages():
-        lab.page.locator('#linkage').select_option(name)
+def test_the_fields_have_the_numbers_of_describe(tour: Tour) -> None:
+    for name, shown in tour.linkages.items():
         (leg,) = robot_of(name).legs
-        rows = lab.page.evaluate(fields)
-        for row, (dimension, value) in zip(rows, leg.linkage.dimensions.items(), strict=True):
+        rows = zip(shown['fields'], leg.linkage.dimensions.items(), strict=True)
+        for row, (dimension, value) in rows:
             label, text, unit = row
             sign = -1.0 if label.startswith('\N{MINUS SIGN}') else 1.0
             label = re.sub(r' \(.*\)$', '', label.lstrip('\N{MINUS SIGN}'))
@@ -496,30 +525,26 @@ def test_the_four_bar_course_rounds_its_corrections(lab: Opened) -> None:
     assert not lab.page.locator('#rounded').is_visible()
 
 
-@pytest.mark.parametrize('language', ['en', 'pt'])
-def test_feet_strides_and_lifts_are_of_legs(lab: Opened, language: str) -> None:
-    words = {'en': r'\b(foot|stride|lift)\b', 'pt': r'\b(p\u00e9|passada|eleva\w+)\b'}[language]
-    lab.page.evaluate(f"speak('{language}')")
-    for name in shipped_linkages():
-        lab.page.locator('#linkage').select_option(name)
-        lab.until('lab.turn && lab.turn.linkage === lab.linkage')
-        spoken = lab.page.evaluate("""() => document.body.innerText + [
-            ...document.querySelectorAll('[aria-label]')].map((node) => node.ariaLabel)""")
+def test_feet_strides_and_lifts_are_of_legs(lab: Opened, tour: Tour) -> None:
+    for name, shown in tour.linkages.items():
         text = (SHIPPED / f'{name}.yaml').read_text(encoding='utf-8')
         is_leg = 'leg: false' not in text
-        assert bool(re.search(words, spoken, re.IGNORECASE)) == is_leg, name
+        for language, words in LEG_WORDS.items():
+            spoken = shown['spoken'][language]
+            assert bool(re.search(words, spoken, re.IGNORECASE)) == is_leg, (name, language)
         # Of a user's file that does not say so it is decided by what the point belongs to.
-        lab.load(text.replace('leg: false\n', ''))
-        decided = lab.page.evaluate('isLeg(lab.linkage.structure, lab.content)')
+        unsaid = text.replace('leg: false\n', '')
+        decided = lab.page.evaluate(IS_LEG, unsaid)
         assert decided == (is_leg or name in COUPLER_POINTS), name
         # `describe` decides alike, with the file's word and without it.
         assert robot_of(name).legs[0].has_foot == is_leg, name
-        unsaid = robot_from_text(text.replace('leg: false\n', ''), name)
-        assert unsaid.legs[0].has_foot == decided, name
-    lab.load(TEXT.replace('foot: H', 'foot: H\nleg: false'))
-    lab.until('lab.turn && lab.turn.linkage === lab.linkage')
-    assert 'leg: false' in lab.page.evaluate('textToSave(false)')
-    assert not re.search(words, lab.text('#tiles'), re.IGNORECASE)
+        assert robot_from_text(unsaid, name).legs[0].has_foot == decided, name
+    for language, words in LEG_WORDS.items():
+        lab.page.evaluate(f"speak('{language}')")
+        lab.load(TEXT.replace('foot: H', 'foot: H\nleg: false'))
+        lab.until('lab.turn && lab.turn.linkage === lab.linkage')
+        assert 'leg: false' in lab.page.evaluate('textToSave(false)')
+        assert not re.search(words, lab.text('#tiles'), re.IGNORECASE)
 
 
 def test_a_guess_may_lead_elsewhere_or_nowhere(lab: Opened) -> None:
