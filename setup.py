@@ -76,7 +76,7 @@ setup(
         f'{NAME}.sanitize': ['units.yaml'],
         f'{NAME}.datasheet': ['static/*'],
         f'{NAME}.design': ['schema.json', 'static/*'],
-        f'{NAME}.web': ['static/*', 'static/js_yaml/*', 'static/uplot/*'],
+        f'{NAME}.web': ['static/*', 'static/js_yaml/*', 'static/three/*', 'static/uplot/*'],
         f'{NAME}.web.lab': ['lab.html', 'static/*', 'static/practice/*'],
         f'{NAME}.review.page': ['static/*'],
     },

@@ -31,6 +31,7 @@ from .parts import (
     Role,
 )
 from .plates import ExportError, Plate, plates
+from .scene import scene_parts
 from .urdf import urdf
 from .weights import materials, part_settings, weighed, weighed_leg
 
@@ -56,6 +57,7 @@ __all__ = [
     'plates',
     'polyline',
     'robot_parts',
+    'scene_parts',
     'svg',
     'urdf',
     'weighed',

@@ -16,9 +16,11 @@ if TYPE_CHECKING:
         MAX_LEGS,
         replayed_solver,
         solver_of,
+        walker_data,
     )
     from .protocol import Answer, Command
     from .rates import TopicRate
     from .server import LiveServer, ServerError
+    from .walker_parts import WalkerParts
 else:
     __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -98,6 +98,13 @@ class LiveSolver:
     # Its role on the page, and a note about its lengths.
     does: str = 'solved by'
     note: str = ''
+    # Its parameters without names of files.
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def is_walker(self) -> bool:
+        """Return whether it has several legs on a body."""
+        return sum(leg.mount_xyz is not None for leg in self.legs) > 1
 
     def as_data(self) -> dict[str, Any]:
         """Return its legs and lengths, ready for JSON."""
@@ -114,6 +121,15 @@ class LiveSolver:
         }
 
 
+def walker_data(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a walker's body in base_link, if it is known, and its floor's slope [m], [rad]."""
+    size = _triple(parameters.get('body_size'))
+    centre = _triple(parameters.get('body_centre')) or (0.0, 0.0, 0.0)
+    body = {'size': size, 'centre': centre} if size and min(size) > 0.0 else None
+    slope = parameters.get('slope')
+    return {'body': body, 'slope': slope if _is_finite(slope) and abs(slope) < 1.5 else 0.0}
+
+
 def unit_of(name: str) -> str:
     """Return the unit of a geometry's parameter; '' for the signs."""
     last = name.rpartition('.')[2]
@@ -124,7 +140,7 @@ def solver_of(recorded: SolverParameters) -> LiveSolver:
     """Return the solver of published parameters, which are untrusted."""
     legs = _make_legs([recorded], parent(recorded.node))
     lengths = _settable_lengths(recorded.parameters, [leg.name for leg in legs])
-    return LiveSolver(recorded.node, legs, lengths)
+    return LiveSolver(recorded.node, legs, lengths, parameters=recorded.without_files)
 
 
 def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) -> LiveSolver:
@@ -140,6 +156,7 @@ def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) 
         _make_legs(records, namespace),
         does='replayed by',
         note=_CHANGED if has_changed else '',
+        parameters=records[-1].without_files,
     )
 
 

@@ -32,14 +32,16 @@ _STYLES = (
     SHARED / 'sortable.css',
     _STATIC_FILES / 'live.css',
 )
-_LIVE_SCRIPTS = 'space connection picture walker history drive tables live'
+_LIVE_SCRIPTS = 'space connection picture walker stage history drive tables live'
 # In this order: each uses those above it.
 _SCRIPTS = (
     _UPLOT / 'uPlot.iife.min.js',
-    *(SHARED / f'{name}.js' for name in ('theme', 'drawing')),
+    *(SHARED / f'{name}.js' for name in ('theme', 'drawing', 'solids', 'orbit', 'scene')),
     *(_STATIC_FILES / f'{name}.js' for name in _LIVE_SCRIPTS.split()),
 )
 _LIST_SCRIPT = SHARED / 'sortable.js'
+# Loaded by the page for a walker.
+_THREE = SHARED / 'three' / 'three.min.js'
 _RUN_HEADS = ('Run', 'Verdict', 'Finding', 'Duration / s', 'Last change (UTC)', 'Calibration')
 # Nothing is loaded from anywhere else, nothing runs that is not a file of this server, and no
 # other page has this one in itself.
@@ -57,7 +59,7 @@ NO_RUNS = (
 # Content types and texts; only these files are served, and no path is built from a request.
 FILES = {
     **{path.name: ('text/css', text(path)) for path in _STYLES},
-    **{path.name: ('text/javascript', text(path)) for path in (*_SCRIPTS, _LIST_SCRIPT)},
+    **{path.name: ('text/javascript', text(path)) for path in (*_SCRIPTS, _LIST_SCRIPT, _THREE)},
 }
 
 

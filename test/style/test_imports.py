@@ -40,7 +40,10 @@ ALLOWED = {
         *('cli', 'sanitize', 'kinematics', 'dynamics', 'plotting', 'robot', 'gait', 'walker'),
         'twin',
     },
-    'live': {'lazy_face', 'sanitize', 'kinematics', 'log', 'robot', 'review', 'web'},
+    'live': {
+        *('engines', 'lazy_face', 'sanitize', 'kinematics', 'log', 'robot', 'export', 'review'),
+        'web',
+    },
     'datasheet': {
         *('cli', 'lazy_face', 'sanitize', 'kinematics', 'dynamics', 'robot', 'gait', 'web'),
         'export',

@@ -17,11 +17,13 @@ class Live {
     this.tiles = [];
     this.views = [];
     this.ground = new Ground();
+    this.truth = new Ground({ hasHeight: true });
     this.cards = new Map();
     this.drawn = [];
     this.read = 0;
     this.crank = new CrankDrive(this);
     this.walk = new WalkDrive(this);
+    this.stage = new Stage(this);
     this.lengths = new LengthFields(this, byId('lengths'), byId('lengths-state'));
     document.addEventListener('visibilitychange', () => document.hidden && this.releaseAll('it was hidden'));
     onThemeChange(() => this.history && (this.history.last = 0));
@@ -78,6 +80,7 @@ class Live {
   draw(frame) {
     if (frame.client) this.setClient(frame.client);
     if (frame.legs) this.updateLegs(frame.legs);
+    if (frame.legs) this.stage.arrange();
     if (frame.drives || frame.client) this.updateDrives(frame.drives || []);
     if (frame.diagnostics) showDiagnostics(byId('diagnostics'), frame.diagnostics);
     if (frame.topics) showTopics(byId('topics'), frame.topics);
@@ -141,7 +144,6 @@ class Live {
     this.views = mounts.length < 2
       ? []
       : Object.keys(VIEWS).map((view) => new WalkerPicture(byId(view), view, mounts, this.ground));
-    if (this.views.length) byId('grid').textContent = String(Number((1000 * this.views[0].grid).toPrecision(1)));
     const still = drawable.find((leg) => leg.key === this.shown) || drawable[0];
     this.leg = null;
     if (still) this.choose(still.key);
@@ -173,6 +175,7 @@ class Live {
     note.textContent = leg.solver.note;
     this.caption(this.trackOf(leg));
     this.updateDrives(this.driven || []);
+    this.stage.arrange();
   }
 
   updateDrives(drives) {
@@ -227,11 +230,9 @@ class Live {
     const isRead = now - this.read >= READ_PERIOD;
     if (isRead) this.read = now;
     if (isRead) for (const { leg, picture } of this.tiles) picture.show(this.trackOf(leg));
-    const odom = this.odomOf(poses.odom || {});
-    this.ground.move(odom);
-    if (isRead || this.legs.length <= MANY_LEGS) {
-      for (const picture of this.views) picture.show((leg) => this.trackOf(leg));
-    }
+    this.ground.move(this.odomOf(poses.odom || {}));
+    this.truth.move(this.odomOf(poses.truth || {}));
+    if (this.stage.isInSpace || isRead || this.legs.length <= MANY_LEGS) this.stage.show();
     if (!this.leg) return;
     const track = this.trackOf(this.leg);
     this.picture.show(track);
@@ -242,9 +243,9 @@ class Live {
     byId('odometry').textContent = this.ground.text;
   }
 
-  /** Return the odometry in the walker's namespace, or the only one. */
+  /** Return the odometry in the namespace of the shown walker, or the only one. */
   odomOf(odoms) {
-    const [leg] = this.views.length ? this.views[0].legs : [];
+    const [leg] = this.stage.legs;
     const parent = (name) => name.slice(0, name.lastIndexOf('/'));
     const names = Object.keys(odoms);
     const own = leg && names.find((name) => parent(name) === parent(leg.solver.node));

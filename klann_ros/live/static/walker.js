@@ -7,24 +7,36 @@ const PATH_POINTS = 2000;
 // A larger step of the odometry is a reset [m].
 const JUMP = 0.5;
 
-/** The ground under a walker, by its odometry. */
+/** The ground under a walker, by its odometry, or the true one of a simulation. */
 class Ground {
-  constructor() {
+  constructor({ hasHeight = false } = {}) {
+    this.hasHeight = hasHeight;
+    this.forget();
+  }
+
+  forget() {
     this.place = null;
+    this.height = null;
+    this.attitude = [0, 0, 0, 1];
     this.travel = 0;
     this.path = [];
   }
 
-  /** Take x, y [m] and heading [rad] of the walker; undefined without odometry. */
+  /** Take x, y [m], heading [rad], z and attitude of the walker; undefined without odometry. */
   move(odom) {
-    if (!odom) return;
+    if (!odom) {
+      if (this.hasHeight) this.forget();
+      return;
+    }
     const [x, y, yaw] = odom;
+    if (this.hasHeight) this.height = odom[5];
+    this.attitude = odom.slice(6);
     const [u, v] = this.place ? [x - this.place[0], y - this.place[1]] : [0, 0];
     if (Math.hypot(u, v) > JUMP) this.path = [];
     else this.travel += u * Math.cos(yaw) + v * Math.sin(yaw);
     this.place = [x, y, yaw];
     const last = this.path[this.path.length - 1];
-    if (!last || Math.hypot(x - last[0], y - last[1]) > PATH_STEP) this.path.push([x, y]);
+    if (!last || Math.hypot(x - last[0], y - last[1]) > PATH_STEP) this.path.push([x, y, this.height]);
     if (this.path.length > PATH_POINTS) this.path.splice(0, PATH_POINTS / 10);
   }
 
@@ -34,6 +46,12 @@ class Ground {
     const [u, v] = [x - left, y - bottom];
     const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
     return [c * u + s * v, c * v - s * u];
+  }
+
+  /** The place of base_link for RobotScene. */
+  get pose() {
+    const [x, y] = this.place || [0, 0];
+    return { at: [x, y, this.height], turn: this.attitude, path: this.path };
   }
 
   get text() {

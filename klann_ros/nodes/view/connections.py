@@ -19,6 +19,8 @@ from rclpy.serialization import deserialize_message
 JOINT_STATE_TYPE = 'sensor_msgs/msg/JointState'
 DIAGNOSTICS_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
 ODOMETRY_TYPE = 'nav_msgs/msg/Odometry'
+# The topic of a simulated robot's true pose.
+TRUTH = 'ground_truth'
 _CRANK_ANGLE_TYPE = 'std_msgs/msg/Float64'
 _TWIST_TYPE = 'geometry_msgs/msg/TwistStamped'
 _TRIGGER_TYPE = 'std_srvs/srv/Trigger'
@@ -26,7 +28,7 @@ _TRIGGER_TYPE = 'std_srvs/srv/Trigger'
 _ENDINGS = {
     JOINT_STATE_TYPE: ('',),
     DIAGNOSTICS_TYPE: ('diagnostics',),
-    ODOMETRY_TYPE: ('odom',),
+    ODOMETRY_TYPE: ('odom', TRUTH),
     STRING_TYPE: (DESCRIPTION_TOPIC,),
     _CRANK_ANGLE_TYPE: ('crank_angle',),
     _TWIST_TYPE: ('velocity_h', 'cmd_vel'),

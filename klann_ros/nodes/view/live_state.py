@@ -25,6 +25,8 @@ from klann_ros.live import (
     replayed_solver,
     solver_of,
     status_text,
+    walker_data,
+    WalkerParts,
 )
 from klann_ros.log import (
     described_solver,
@@ -50,6 +52,7 @@ from .connections import (
     ODOMETRY_TYPE,
     SubscribedTopic,
     TopicSubscriptions,
+    TRUTH,
 )
 from .drives import CRANK, Drives, Offer, WALK
 
@@ -90,6 +93,7 @@ class LiveState(PageState):
         self._calls = ServiceCalls(node)
         self._subscriptions = TopicSubscriptions(node, self.changed)
         self._watch = SolverWatch(node, self._on_parameters, [REPLAYED_PARAMETER])
+        self._walker_parts = WalkerParts()
         self._read_only = read_only
         self._drives = Drives(
             node,
@@ -117,13 +121,15 @@ class LiveState(PageState):
             if pose is not None:
                 time, stamp, x = pose
                 poses[number] = [round(now - time, 4), stamp, *x]
-        body_poses = {}
+        odom: dict[str, list[float]] = {}
+        truth: dict[str, list[float]] = {}
         for topic in self._subscriptions.of_kind(ODOMETRY_TYPE):
             body_pose = _body_pose(topic)
             if body_pose:
+                body_poses = truth if topic.name.endswith(TRUTH) else odom
                 body_poses[topic.name] = body_pose
         version, _ = self.parts.get('legs', (0, ''))
-        data = {'of': version, 'legs': poses, 'odom': body_poses}
+        data = {'of': version, 'legs': poses, 'odom': odom, 'truth': truth}
         return json.dumps(data, separators=(',', ':'))
 
     # Commands of pages, in the server's thread.
@@ -238,12 +244,23 @@ class LiveState(PageState):
             data.append(
                 {
                     **solver.as_data(),
+                    **self._walker_data(solver),
                     'topics': sorted({printable(self._page_legs[i].topic) for i in numbers}),
                     'numbers': numbers,
                     'cranks': self._crank_topics.get(key, []),
                 }
             )
         self.set_part('legs', data)
+
+    def _walker_data(self, solver: LiveSolver) -> dict[str, Any]:
+        """Return the body and the floor of a solver's walker, and its parts as soon as made."""
+        parameters: dict[str, Any] = {}
+        # A simulation beside it knows its floor.
+        for neighbour in self._solvers.values():
+            if parent(neighbour.node) == parent(solver.node):
+                parameters |= neighbour.parameters
+        parts = self._walker_parts.of(solver.parameters) if solver.is_walker else None
+        return {**walker_data({**parameters, **solver.parameters}), 'parts': parts}
 
     def _solvers_of(self, topic: SubscribedTopic) -> dict[str, LiveSolver]:
         """Return the solvers with legs on a topic, by their keys."""
@@ -397,13 +414,20 @@ def _newest_pose(
 
 
 def _body_pose(topic: SubscribedTopic) -> list[float] | None:
-    """Return x, y [m], heading [rad], and forward [m/s] and turning [rad/s] velocity."""
+    """
+    Return the newest pose of a body.
+
+    It is x, y [m], heading [rad], forward [m/s] and turning [rad/s] velocity, z [m], and the
+    attitude's quaternion: x, y, z, w.
+    """
     for _, message in topic.newest()[-1:]:
         position = message.pose.pose.position
         q = message.pose.pose.orientation
-        yaw = yaw_of(q.x, q.y, q.z, q.w)
+        attitude = [q.x, q.y, q.z, q.w]
+        yaw = yaw_of(*attitude)
         twist = message.twist.twist
-        numbers = [position.x, position.y, yaw, twist.linear.x, twist.angular.z]
-        if all(map(isfinite, numbers)):
+        velocity = [twist.linear.x, twist.angular.z]
+        numbers = [position.x, position.y, yaw, *velocity, position.z, *attitude]
+        if all(map(isfinite, numbers)) and any(attitude):
             return [round(number, 6) for number in numbers]
     return None

@@ -327,6 +327,7 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
         crank.publish(Float64(data=0.0))
         return bool(
             moving.page.evaluate(
+                "document.getElementById('view-flat').click();"
                 "!document.querySelector('[data-of=walker]').hidden && "
                 "[...document.querySelectorAll('#above circle.joint')]"
                 ".every((node) => node.getAttribute('cx'))"

@@ -1,0 +1,69 @@
+"""The parts of a robot for the renderer `web/static/scene.js`, ready for JSON."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from klann_ros.kinematics import FIXED, Linkage
+from klann_ros.robot import Robot
+
+from .outline import Outline
+from .parts import Part, placed_legs, Role
+
+# Digits of a coordinate: a tenth of a micrometre.
+_DIGITS = 7
+
+
+def scene_parts(robot: Robot) -> dict[str, Any]:
+    """
+    Return the parts of a robot: a model for each linkage, and the place of each leg's stack.
+
+    Raises
+    ------
+    ExportError
+        The sizes leave too little material, the crank reaches no angle, or no layers are found.
+
+    """
+    models: dict[Linkage, dict[str, Any]] = {}
+    legs = {}
+    for placed in placed_legs(robot):
+        linkage = placed.leg.linkage
+        if linkage not in models:
+            models[linkage] = _model(linkage, placed.parts)
+            models[linkage]['radius'] = placed.stack.plates[0].width / 2.0
+        legs[placed.leg.name] = {
+            'model': [*models].index(linkage),
+            'direction': placed.direction,
+            'offset': placed.offset,
+        }
+    return {'models': [*models.values()], 'legs': legs}
+
+
+def _model(linkage: Linkage, parts: Iterable[Part]) -> dict[str, Any]:
+    """Return the bodies of a linkage by its points, and its parts."""
+    structure = linkage.structure
+    names = structure.points
+    bodies = []
+    for body, frame in zip(structure.bodies, structure.frames, strict=True):
+        along = None
+        if frame != FIXED:
+            bar = structure.bodies[frame].bars[0]
+            along = [names.index(bar.start), names.index(bar.end)]
+        bodies.append({'origin': names.index(body.points[0]), 'along': along})
+    part_data = []
+    for part in parts:
+        prisms = []
+        for prism in part.prisms:
+            curves = {'outlines': _curves(prism.outlines), 'cuts': _curves(prism.cuts)}
+            prisms.append({'low': prism.low, 'high': prism.high, **curves})
+        is_link = part.role in {Role.LINK, Role.CRANK}
+        part_data.append({'body': part.body, 'isLink': is_link, 'prisms': prisms})
+    return {'bodies': bodies, 'parts': part_data}
+
+
+def _curves(outlines: Iterable[Outline]) -> list[list[float]]:
+    """Return the corners of each outline in a row: x [m], y [m], bulge, x, ..."""
+    curves = []
+    for outline in outlines:
+        corners = [(corner.at.real, corner.at.imag, corner.bulge) for corner in outline]
+        curves.append([round(number, _DIGITS) for corner in corners for number in corner])
+    return curves
