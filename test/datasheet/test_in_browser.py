@@ -25,7 +25,8 @@ ROOT = Path(__file__).resolve().parents[2]
 # What scrolls sideways within the page.
 SCROLLED = """
 [...document.querySelectorAll('main *')]
-  .filter((node) => node.scrollWidth > node.clientWidth && getComputedStyle(node).overflowX === 'auto')
+  .filter((node) => node.scrollWidth > node.clientWidth)
+  .filter((node) => getComputedStyle(node).overflowX === 'auto')
   .map((node) => [node.className, node.getAttribute('aria-label')])
 """
 ALL = ('leg', 'cannot', 'walker', 'partial', 'hostile')
