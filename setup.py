@@ -70,7 +70,7 @@ setup(
     package_data={
         NAME: ['py.typed', 'linkages/*.yaml'],
         f'{NAME}.kinematics.linkage': ['schema.json'],
-        f'{NAME}.export': ['static/*'],
+        f'{NAME}.export': ['materials.yaml', 'static/*'],
         f'{NAME}.exercises': ['exercises.yaml', 'static/*'],
         f'{NAME}.live': ['static/*'],
         f'{NAME}.sanitize': ['units.yaml'],

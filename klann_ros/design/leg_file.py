@@ -53,13 +53,10 @@ def with_numbers(leg: RobotLeg, linkage: Linkage) -> RobotLeg:
         for body, coordinate in zip(linkage.structure.bodies, linkage.start, strict=True):
             unit = metre if body.slides else radian
             content['start'][body.angle] = round(coordinate / unit, NUMBER_DIGITS)
-    has_parts = 'material' in content.get('parts', ())
-    content.pop('mass_source', None)
-    for body in content['bodies'].values():
-        if has_parts or 'bars' in body:
-            for key in ('mass', 'centre', 'inertia'):
-                body.pop(key, None)
-    if not has_parts:
+    if 'material' in content.get('parts', ()):
+        for body in content['bodies'].values():
+            body.pop('mass', None)
+    else:
         content.setdefault('density', ASSUMED_DENSITY)
     content['source'] = f'design, from the {content["name"]}'
     text = dump(content) + '\n'

@@ -108,6 +108,7 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
             margins=True,
             samples=SHEET_SAMPLES,
         )
+        leg = weighed_leg(leg, requirements.parts)
     except (KinematicsError, TypeError, ValueError) as error:
         raise ProofError(str(error)) from error
     (leg_sheet,) = sheet.legs
@@ -131,7 +132,6 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
         figures['rounding_error'] = requirements.rounding.error(candidate.space, leg.linkage)
     non_turning_fraction = _non_turning_fraction(leg.linkage, requirements.tolerance)
     figures['turning_fraction'] = 1.0 - non_turning_fraction
-    leg = _with_masses(leg, requirements.parts)
     walker = None
     if requirements.walker is not None:
         walker, walker_figures = _walker(leg, requirements)
@@ -191,14 +191,6 @@ def _check_limits(requirements: Requirements, figures: Mapping[str, float]) -> N
         figure = figures.get(limit.figure, np.nan)
         if not limit.shortfall(figure) <= 0.0:
             raise ProofError(f'{limit.figure} does not hold', limit, float(figure))
-
-
-def _with_masses(leg: RobotLeg, parts: Mapping[str, Any] | None) -> RobotLeg:
-    """Return a leg with the masses of its parts, if they have settings."""
-    try:
-        return weighed_leg(leg, parts) if parts else leg
-    except ValueError as error:
-        raise ProofError(str(error)) from error
 
 
 def _walker(

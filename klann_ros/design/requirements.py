@@ -1,7 +1,7 @@
 """Requirements: the linkages, what may vary, and the figures that are aimed at or limited."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 import json
 from math import inf
@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.datasheet import Motor, motor_from_file, MotorFileError
-from klann_ros.export import ExportError, materials, part_settings
-from klann_ros.kinematics import schema_error, SHIPPED, Structure
+from klann_ros.export import part_settings
+from klann_ros.kinematics import schema_error, Structure
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import preset_names, robot_of, RobotFileError, RobotLeg
 from klann_ros.sanitize.text import did_you_mean, printable
 from klann_ros.sanitize.units import warn_of_lengths
-from klann_ros.sanitize.yaml_text import content_of_file, parse
+from klann_ros.sanitize.yaml_text import content_of_file
 import numpy as np
 
 from .areas import Area, area_clearance, areas_from
@@ -90,7 +90,7 @@ class Requirements:
     motor: Motor | None = None
     motor_file: str = ''
     walker: Mapping[str, Any] | None = None
-    parts: Mapping[str, Any] | None = None
+    parts: Mapping[str, Any] = field(default_factory=dict)
     count: int = DEFAULT_COUNT
     text: str = ''
 
@@ -216,7 +216,7 @@ def requirements_from(
         motor=_motor(content['motor'], folder) if 'motor' in content else None,
         motor_file=str(Path(_beside(content.get('motor', ''), folder)).absolute()),
         walker=content.get('walker'),
-        parts=_parts(content, metre, legs),
+        parts=part_settings(legs, content.get('parts', {}), metre),
         # A schema's whole numbers may be written as 2.0.
         count=int(content.get('count', DEFAULT_COUNT)),
         text=json.dumps(content, sort_keys=True),
@@ -321,26 +321,6 @@ def _motor(name: str, folder: Path) -> Motor:
 def _beside(name: str, folder: Path) -> str:
     """Return a file's path, beside the file of requirements if it is there."""
     return str(folder / name) if (folder / name).is_file() else name
-
-
-def _parts(
-    content: Mapping[str, Any], metre: float, legs: Iterable[RobotLeg]
-) -> Mapping[str, Any] | None:
-    """Return the settings of the parts of the leg [m]; None without a material."""
-    parts = content.get('parts', {})
-    linkage = parse((SHIPPED / 'klann.yaml').read_text(encoding='utf-8'))
-    if problem := schema_error({**linkage, 'parts': parts}):
-        raise RequirementsError(problem)
-    if parts and 'bar_density' in content.get('walker', {}):
-        raise RequirementsError('walker: bar_density and parts exclude each other')
-    settings = part_settings(legs, parts, metre)
-    if not parts and 'material' not in settings:
-        return None
-    try:
-        materials(settings)
-    except ExportError as error:
-        raise RequirementsError(str(error)) from error
-    return settings
 
 
 def _leg(name: str, folder: Path) -> RobotLeg:

@@ -33,7 +33,7 @@ from .parts import (
 from .plates import ExportError, Plate, plates
 from .scene import scene_parts
 from .urdf import urdf
-from .weights import materials, part_settings, weighed, weighed_leg
+from .weights import part_settings, weighed, weighed_leg
 
 __all__ = [
     'Drawing',
@@ -51,7 +51,6 @@ __all__ = [
     'dxf',
     'layers',
     'leg_parts',
-    'materials',
     'part_settings',
     'placed_legs',
     'plates',

@@ -21,6 +21,7 @@ from klann_ros.cli import (
 )
 from klann_ros.robot import Robot, robot_from_text, robot_of, RobotFileError, SEPARATORS
 from klann_ros.sanitize.text import counted, printable, printable_line
+from klann_ros.sanitize.yaml_text import parse
 from klann_ros.twin import robot_mjcf
 
 from .assembly import assembly, spacers
@@ -175,12 +176,10 @@ def _plates(
 
 
 def _print_masses(robot: Robot) -> None:
-    """Print the masses of a robot, and their origins."""
-    totals = [leg.masses.total for leg in robot.legs if leg.masses]
-    body = f' and a body of {robot.body.mass:.3g} kg' if robot.body else ''
-    print(f'{counted(len(totals), "leg")} of {sum(totals):.3g} kg{body}')
-    for origin in dict.fromkeys(leg.masses.origin for leg in robot.legs if leg.masses):
-        print(f'masses: {origin}')
+    """Print the masses of legs, and their origins."""
+    masses = [leg.masses for leg in robot.legs if leg.masses]
+    for total, origin in dict.fromkeys((mass.total, mass.origin) for mass in masses):
+        print(f'masses: {total:.4g} kg a leg, {origin}')
 
 
 _positive = number_type(lambda n: 0.0 < n < 1e6, 'a number > 0 (and < 1e6)')
@@ -189,14 +188,6 @@ _side = number_type(lambda n: 0.0 < n < 1e6, 'a width and a depth in mm, such as
 _diameter = number_type(lambda n: 0.0 < n < 1e6, 'a diameter in mm, such as 4.2 or A=6')
 
 _fraction = number_type(lambda n: 0.0 < n <= 1.0, 'a number > 0 and <= 1, such as 0.3')
-
-
-def _material(text: str) -> str | float:
-    """Return the name of a material, or a density."""
-    try:
-        return float(_positive(text))
-    except argparse.ArgumentTypeError:
-        return text
 
 
 def _bed(text: str) -> complex:
@@ -245,7 +236,7 @@ def _parser() -> ArgumentParser:
     weighed = 'a new file: FILE with the masses of its parts'
     add(f'--{WEIGHED}', metavar='OUT.yaml', help=weighed)
     material = f'of the parts: {", ".join(MATERIALS)}, or a density [kg/m^3]'
-    add('--material', metavar='NAME', type=_material, help=material)
+    add('--material', metavar='NAME', type=parse, help=material)
     infill = 'of printed parts, inside of their walls, > 0 to 1; 1'
     add('--infill', metavar='PART', type=_fraction, help=infill)
     add('--scale', type=_positive, default=1.0, help='of the plates; hole and width stay')

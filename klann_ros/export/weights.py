@@ -6,9 +6,10 @@ have no mass in a file: the `body_mass` of a walker includes them.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from math import pi
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from klann_ros.dynamics import BodyMass
 from klann_ros.kinematics import (
@@ -20,7 +21,7 @@ from klann_ros.kinematics import (
 )
 from klann_ros.robot import LEG_PARAMETERS, Robot, robot_from_text, RobotLeg
 from klann_ros.sanitize.files import is_regular_file
-from klann_ros.sanitize.text import did_you_mean, printable
+from klann_ros.sanitize.text import did_you_mean
 from klann_ros.sanitize.units import warn_of_lengths
 from klann_ros.sanitize.yaml_text import dump, parse, parse_file
 import numpy as np
@@ -29,22 +30,8 @@ from .outline import Outline, polyline
 from .parts import Part, PartSizes, placed_legs, PlacedLeg, Prism
 from .plates import ExportError
 
-MATERIALS = {
-    'PLA': 1240.0,
-    'PETG': 1270.0,
-    'ABS': 1040.0,
-    'ASA': 1070.0,
-    'TPU': 1220.0,
-    'nylon': 1140.0,
-    'POM': 1410.0,
-    'acrylic': 1190.0,
-    'plywood': 680.0,
-    'MDF': 750.0,
-    'aluminium': 2700.0,
-    'brass': 8500.0,
-    'steel': 7850.0,
-}
-"""Densities [kg/m^3]: the first five as in PrusaSlicer's profiles, others as in handbooks."""
+MATERIALS: dict[str, float] = parse_file(Path(__file__).with_name('materials.yaml'))
+"""Densities [kg/m^3] by the names of materials."""
 
 # Thickness of printed walls, bottoms and tops [m]: the mass is then within 3.5 % of the filament
 # that PrusaSlicer takes for two perimeters, and 4 and 5 solid layers of 0.2 mm.
@@ -60,13 +47,12 @@ DESCRIPTION = 'linkage_description'
 _REPLACED = {*LEG_PARAMETERS, 'bar_density'}
 
 
-@dataclass(frozen=True)
-class Material:
+class Material(NamedTuple):
     """
-    A material of parts.
+    A material of a density [kg/m^3].
 
-    `density` is in [kg/m^3]; `infill` is the filled part of the space inside of walls, bottom and
-    top of a thickness `wall` [m].
+    `infill` is the filled part of the space inside of walls, bottom and top, of a thickness `wall`
+    [m].
     """
 
     name: str
@@ -104,17 +90,16 @@ def part_settings(
     for leg in legs:
         content = parse(leg.description) if leg.description else {}
         if 'parts' in content:
-            settings = _converted(content['parts'], LENGTH_UNITS[_unit(content)])
+            settings = _converted(
+                content['parts'], LENGTH_UNITS[content.get('units', {}).get('length', 'm')]
+            )
             break
     settings |= _converted(changes, unit)
     sizes = {f'parts.{name}': settings[name] for name in LENGTHS if name in settings}
     warn_of_lengths(sizes, 'write units: {length: mm}', MAX_PART_SIZE)
+    if 'material' in settings:
+        _materials(settings)
     return settings
-
-
-def _unit(content: Mapping[str, Any]) -> str:
-    """Return the unit of lengths in a linkage's file."""
-    return str(content.get('units', {}).get('length', 'm'))
 
 
 def _converted(settings: Mapping[str, Any], unit: float) -> dict[str, Any]:
@@ -134,33 +119,26 @@ def part_sizes(settings: Mapping[str, Any]) -> PartSizes:
     return PartSizes(**{name: settings[name] for name in SIZES if name in settings})
 
 
-def materials(settings: Mapping[str, Any]) -> tuple[Material, Material]:
-    """Return the materials of links and of pins in settings; an ExportError for an unknown one."""
+def _materials(settings: Mapping[str, Any]) -> tuple[Material, Material]:
+    """Return the materials of links and of pins in settings; an ExportError without any."""
     infill = {name: settings[name] for name in ('infill', 'wall') if name in settings}
     material = _material(settings, 'material', **infill)
     return material, _material(settings, 'pins') if 'pins' in settings else material
 
 
 def _material(settings: Mapping[str, Any], key: str, **infill: float) -> Material:
-    """Return the material of a key in settings; an ExportError if there is none."""
-    name = settings.get(key)
-    names = f'{", ".join(MATERIALS)}, or a density [kg/m^3]'
-    if name is None:
-        raise ExportError(f'parts.{key} is missing: {names}')
-    density = MATERIALS.get(name, name)
-    if isinstance(density, str):
-        hint = did_you_mean(name, MATERIALS)
-        raise ExportError(f'parts.{key}: {printable(name)} is none of {names}{hint}')
-    title = name if isinstance(name, str) else f'{name:g} kg/m^3'
-    return Material(title, density, **infill)
-
-
-def _rounded(number: float) -> float:
-    return float(f'{number:.9g}')
+    name = settings.get(key, '')
+    density = MATERIALS.get(str(name), name)
+    if not isinstance(density, int | float) or density <= 0.0:
+        names = f'{", ".join(MATERIALS)}, or a density [kg/m^3]{did_you_mean(name, MATERIALS)}'
+        raise ExportError(f'parts.{key} must be one of {names}')
+    return Material(name if density is not name else f'{name:g} kg/m^3', density, **infill)
 
 
 def weighed_leg(leg: RobotLeg, settings: Mapping[str, Any]) -> RobotLeg:
-    """Return a leg with the masses of its parts; settings in [m]. Errors as `placed_legs`."""
+    """Return a leg with the masses of its parts, if they have a material; settings in [m]."""
+    if 'material' not in settings:
+        return leg
     (placed,) = placed_legs(Robot('', (leg,)), part_sizes(settings))
     return robot_from_text(_description(placed, settings), 'the leg').legs[0]
 
@@ -175,12 +153,12 @@ def _description(placed: PlacedLeg, settings: Mapping[str, Any]) -> str:
         content = content_with_numbers(text, leg.linkage)
         del content['start'], content['source']
         content['assembly'] = [*leg.linkage.assembly]
-    material, pins = materials(settings)
+    material, pins = _materials(settings)
     masses: dict[int, BodyMass] = {}
     for part in placed.parts:
         mass = (pins if part.role.is_hardware else material).mass(part)
         masses[part.body] = masses.get(part.body, BodyMass()).plus(mass)
-    metre = LENGTH_UNITS[_unit(content)]
+    metre = LENGTH_UNITS[content.get('units', {}).get('length', 'm')]
     content.pop('density', None)
     sizes = {**asdict(part_sizes(settings)), 'width': placed.stack.plates[0].width}
     content['parts'] = _converted({**settings, **sizes}, 1.0 / metre)
@@ -192,9 +170,9 @@ def _description(placed: PlacedLeg, settings: Mapping[str, Any]) -> str:
         mass = masses.get(j, BodyMass())
         centre = mass.centre.real, mass.centre.imag
         content['bodies'][name] |= {
-            'mass': _rounded(mass.mass),
+            'mass': float(f'{mass.mass:.9g}'),
             'centre': [round(length / metre, NUMBER_DIGITS) + 0.0 for length in centre],
-            'inertia': _rounded(mass.inertia),
+            'inertia': float(f'{mass.inertia:.9g}'),
         }
     return dump(content) + '\n'
 

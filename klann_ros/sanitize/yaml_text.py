@@ -49,20 +49,16 @@ _FastDumper: Any = type('_FastDumper', (getattr(yaml, 'CSafeDumper', yaml.SafeDu
 _PlainDumper: Any = type('_PlainDumper', (yaml.SafeDumper,), {})
 
 
-def _block_text(dumper: Any, text: str) -> yaml.ScalarNode:
+def _block_text(dumper: Any, text: str) -> Any:
     """Return the node of a text, one of several lines as a literal block where YAML allows it."""
     style = '|' if '\n' in text.strip('\n') else None
-    node: yaml.ScalarNode = dumper.represent_scalar('tag:yaml.org,2002:str', text, style=style)
-    return node
+    return dumper.represent_scalar('tag:yaml.org,2002:str', text, style=style)
 
 
-def _row_of_numbers(dumper: Any, items: list[Any]) -> yaml.SequenceNode:
+def _row_of_numbers(dumper: Any, items: list[Any]) -> Any:
     """Return the node of a list, one of numbers on one line."""
     is_row = all(isinstance(item, int | float) for item in items)
-    node: yaml.SequenceNode = dumper.represent_sequence(
-        'tag:yaml.org,2002:seq', items, flow_style=is_row
-    )
-    return node
+    return dumper.represent_sequence('tag:yaml.org,2002:seq', items, flow_style=is_row)
 
 
 for _dumper in (_FastDumper, _PlainDumper):

@@ -265,7 +265,7 @@ def test_a_weighed_file_is_no_other_output(tmp_path: Path, capsys: pytest.Captur
 @pytest.mark.parametrize(
     ('arguments', 'reason'),
     [
-        (['jansen', '--weighed', 'a.yaml'], 'parts.material is missing'),
+        (['jansen', '--weighed', 'a.yaml'], 'parts.material must be one of PLA'),
         (['jansen', '--weighed', 'a.yaml', '--material', 'pla'], 'did you mean PLA?'),
         (['jansen', '--weighed', 'a.yaml', *OPTIONS, '--scale', '2'], 'takes no --scale'),
         (['jansen', '--weighed', 'there.yaml', *OPTIONS], 'is there already'),

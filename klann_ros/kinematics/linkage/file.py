@@ -425,6 +425,9 @@ def schema_error(content: Any, package: str = __package__) -> str:
 def _schema(package: str) -> dict[str, Any]:
     text = (resources.files(package) / 'schema.json').read_text(encoding='utf-8')
     schema: dict[str, Any] = json.loads(text)
+    if package != __package__:
+        # Requirements have the parts of a linkage.
+        schema['$defs'] = {**_schema(__package__)['$defs'], **schema.get('$defs', {})}
     return schema
 
 
