@@ -5,7 +5,8 @@ Each leg has a plane with the textbook's axes. Published angles are absolute, th
 relative to the parent. So a body is attached to its parent by a link without length, whose mimic
 joint turns back the parent's rotation. The joints without mimic are exactly the published ones. A
 tree cannot close loops: where two bodies meet, one carries the point, and the published angles let
-the other end there too. For the same reason no link has a mass. Frames and joints of a Klann leg
+the other end there too. Each body's first link has its mass, if the file has masses: they
+give the centre of mass at the published angles, but no dynamics. Frames and joints of a Klann leg
 are those of klann.urdf.xacro.
 """
 
@@ -23,6 +24,8 @@ from .travel import travel
 URDF_HEADER = '<?xml version="1.0" encoding="utf-8"?>\n'
 PIN, FRAME = 'klann_pin', 'klann_frame'
 LINK_COLOURS = {PIN: '0.15 0.15 0.15 1', FRAME: '0.45 0.45 0.48 1'}
+# The link with the mass of the body.
+BODY = 'base_inertia'
 # Width of bars, as a part of the longest; length of sliders in widths; drawn layers of bars.
 BAR_WIDTH, SLIDER_LENGTH, LAYERS = 0.05, 1.6, 4
 # Radius of a joint's pin in widths.
@@ -77,6 +80,13 @@ def urdf(
     for name, colour in materials.items():
         SubElement(SubElement(root, 'material', name=name), 'color', rgba=colour)
     SubElement(root, 'link', name=base_frame)
+    if robot.body:
+        # Not in base_frame: KDL, in robot_state_publisher, takes no mass of the root.
+        body = SubElement(root, 'link', name=frame_prefix + BODY)
+        _add_inertial(body, robot.body.mass, robot.body.centre, robot.body.inertia)
+        joint = SubElement(root, 'joint', name=_new(BODY, joints), type='fixed')
+        SubElement(joint, 'parent', link=base_frame)
+        SubElement(joint, 'child', link=frame_prefix + BODY)
     for leg in robot.legs:
         writer = _LegWriter(root, leg, frame_prefix + leg.prefix, joint_separator, joints)
         writer.write(base_frame, frame_id)
@@ -145,6 +155,7 @@ class _LegWriter:
             offset = body_points(self._structure, self._linkage.bars)[j, point]
             self._fixed('bend', Place(child, -offset, 0.0), link, 0.0)
         element = self._link(link)
+        self._inertial(element, j)
         self._bar(element, j, self._length(j, first))
         self._points[j, first.start] = Place(link, 0j, 0.0)
         self._points[j, first.end] = Place(link, complex(self._length(j, first)), 0.0)
@@ -175,7 +186,9 @@ class _LegWriter:
         limits = {'lower': _number(low - margin), 'upper': _number(high + margin)}
         SubElement(joint, 'limit', limits, effort='1000', velocity='1000')
         size = SLIDER_LENGTH * self._width, self._width, self._width / 2.0
-        self._box(self._link(link), 0j, phase(direction), j % LAYERS, size, f'klann_{j}')
+        element = self._link(link)
+        self._inertial(element, j)
+        self._box(element, 0j, phase(direction), j % LAYERS, size, f'klann_{j}')
         self._points[j, line.end] = Place(link, 0j, 0.0)
         self._bars(j, body.rigid)
 
@@ -227,6 +240,14 @@ class _LegWriter:
         SubElement(joint, 'axis', xyz=_numbers(axis))
         return joint
 
+    def _inertial(self, link: Element, j: int) -> None:
+        """Write the mass of a body into its first link, whose frame is the body's."""
+        if self._leg.masses and self._leg.masses.bodies[j].mass:
+            mass, centre, inertia = self._leg.masses.bodies[j]
+            # A plate: the moments about the axes in its plane add up to the one about its normal.
+            moments = inertia / 2.0, inertia / 2.0, inertia
+            _add_inertial(link, mass, (centre.real, centre.imag, 0.0), moments)
+
     def _ground(self, plane: Element) -> None:
         pivots = list(map(complex, self._linkage.pivots))
         for n, pivot in enumerate(pivots):
@@ -260,6 +281,14 @@ class _LegWriter:
         xyz = centre.real, centre.imag, layer * self._width / 2.0
         SubElement(visual, 'origin', xyz=_numbers(xyz), rpy=_numbers((0.0, 0.0, turn)))
         return visual
+
+
+def _add_inertial(link: Element, mass: float, centre: Triple, moments: Triple) -> None:
+    inertial = SubElement(link, 'inertial')
+    SubElement(inertial, 'origin', xyz=_numbers(centre))
+    SubElement(inertial, 'mass', value=_number(mass))
+    tensor = dict(zip(('ixx', 'iyy', 'izz'), map(_number, moments), strict=True))
+    SubElement(inertial, 'inertia', tensor, ixy='0', ixz='0', iyz='0')
 
 
 def _name(start: str, end: str) -> str:

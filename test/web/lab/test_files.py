@@ -208,7 +208,11 @@ def test_every_key_of_a_linkage_file_is_read() -> None:
         'at_change_points: crossed\n'
         'springs: [{from: A, to: [0, 1], stiffness: 2, free_length: 3}]\n'
         'torsion_springs: [{joint: A, between: [theta2, theta3], stiffness: 1, rest_angle: 9}]\n'
+        'mass_source: a pair of scales\n'
+        'parts: {material: 650, pins: steel, infill: 0.3, wall: 1, thickness: 3, width: 10,\n'
+        '  hole: 3.2, holes: {A: 5}, washer: 0, clearance: 0.2}\n'
     )
+    assert {*parse(text)['parts']} == {*SCHEMA['$defs']['parts']['properties']}
     assert linkage_from_text(text, 'all').at_change_points == 'crossed'
     assert {*parse(text)} | {'assembly'} == {*SCHEMA['properties']}
     (answer,) = read_in_node([text], is_yaml=False)
