@@ -99,6 +99,8 @@ setup(
         (f'share/{NAME}/config', glob('config/*.yaml')),
         (f'share/{NAME}/linkages', glob(f'{NAME}/linkages/*.yaml')),
         (f'share/{NAME}/launch', glob('launch/*.py')),
+        (f'share/{NAME}/requirements', glob('examples/requirements/*.*')),
+        (f'share/{NAME}/requirements/motors', glob('examples/requirements/motors/*.yaml')),
         (f'share/{NAME}/urdf', [*glob('urdf/*.xacro'), *glob('urdf/*.urdf')]),
         (f'share/{NAME}/rviz', glob('rviz/*.rviz')),
         (f'share/{NAME}/foxglove', glob('foxglove/*.json')),

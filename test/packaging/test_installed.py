@@ -102,6 +102,7 @@ def test_a_build_of_links_works_too(tmp_path: Path) -> None:
     share = base / 'klann_ros' / 'share/klann_ros'
     for folder in ('config', 'foxglove', 'launch', 'plotjuggler', 'rviz', 'urdf'):
         assert files(share / folder) == files(ROOT / folder)
+    assert files(share / 'requirements') == files(ROOT / 'examples' / 'requirements')
 
 
 def test_the_package_is_in_the_ament_index(
