@@ -94,7 +94,7 @@ class Drive {
         : `Another page drives ${topic}.`;
     }
     const stopped = this.hasLost && report.reason ? inPageUnits(report.reason) : this.note;
-    if (stopped) return `This page drives nothing: ${stopped}.`;
+    if (stopped) return `Stopped: ${stopped}. This page no longer drives ${topic}.`;
     if (report.elsewhere) return `${report.elsewhere} drives ${topic}.`;
     const names = report.publishers;
     const who = names.length ? `Published by ${listed(names)}.` : `No node publishes ${topic}.`;

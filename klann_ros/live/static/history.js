@@ -57,7 +57,7 @@ class Track {
     let first = last;
     while (first > 0 && this.stamps[last] - this.stamps[first] < SPEED_TIME) first -= 1;
     const passed = this.stamps[last] - this.stamps[first];
-    return passed > 0 && passed < 2 * SPEED_TIME ? degrees(this.poses[last][0] - this.poses[first][0]) / passed : NaN;
+    return passed > 0 && passed < 4 * SPEED_TIME ? degrees(this.poses[last][0] - this.poses[first][0]) / passed : NaN;
   }
 
   /** Return the places of the foot in the last seconds. */
