@@ -42,17 +42,19 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
     residuals = [element('p', series_line(fit), class_='quiet') for fit in calibration.series]
     bullets = [element('li', line) for line in lines]
     observable = [element('p', verdict(calibration)), element('ul', *bullets)]
-    drawing = element('div', _drawing(calibration), numbers, class_='stage')
+    tables = element('div', numbers, class_='beside')
+    drawing = element('div', _drawing(calibration), tables, class_='stage')
     leg_text = element('div', element('pre', *leg_file), **scrolls, aria_label='Leg file')
+    is_unknown = bool(combinations(calibration))
     title = f'Calibration of {calibration.drawn.name or "leg"}'
     header = element('header', element('div', element('h1', title), element('p', run)))
     return PARTS.page(
         title,
         header,
-        element('section', element('h2', 'Observability'), *observable),
-        element('section', element('h2', 'Dimensions'), drawing),
+        element('section', element('h2', 'Dimensions as built'), drawing),
         element('section', element('h2', 'Residuals'), grid([*_charts(calibration)]), *residuals),
-        element('section', element('h2', 'Leg file'), leg_text),
+        element('details', element('summary', 'Observability'), *observable, open=is_unknown),
+        element('details', element('summary', 'Leg file'), leg_text),
     )
 
 

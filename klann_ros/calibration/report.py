@@ -74,11 +74,12 @@ def table(calibration: Calibration) -> list[ParameterLine]:
     lines = []
     for n, name in enumerate(model.names):
         factor, unit = SCALES[model.si_units[n]]
-        drawn = f'{factor * model.start[n]:.3f}'
+        # No number is -0.
+        drawn = f'{round(factor * model.start[n], 3) + 0.0:.3f}'
         built = 'unknown'
         error = ''
         if np.isfinite(calibration.standard_errors[n]):
-            built = f'{factor * calibration.values[n]:.3f}'
+            built = f'{round(factor * calibration.values[n], 3) + 0.0:.3f}'
             error = f'+-{factor * calibration.standard_errors[n]:.2g}'
         lines.append(ParameterLine(name, drawn, built, error, unit))
     return lines

@@ -102,6 +102,8 @@ def test_every_program_takes_the_leg_file(leg_run: Path, tmp_path: Path, capsys:
     assert unescape(text.partition('<pre>')[2].partition('</pre>')[0]) == built.read_text()
     assert '<script' not in text
     assert 'Ellipses: 95 %' in text
+    # The result is first; what specialists read is closed where all is observable.
+    assert text.index('as built</h2>') < text.index('<details><summary>Observability')
 
 
 POINTS = [
