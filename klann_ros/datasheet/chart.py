@@ -18,8 +18,6 @@ _MAX_POINTS = 361
 # Steps between the labels of the horizontal axis [deg].
 _ANGLE_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0)
 _LINE_COLOURS = 7
-# Charts scroll on a small screen, so keys must reach them.
-GROUP = {'tabindex': '0', 'role': 'group', 'aria_label': 'Charts'}
 # A curve may step between samples within this distance [rad].
 _STEP_WIDTH = 1e-6
 # The end of a range that is off a tick by rounding is on it [steps].
@@ -267,4 +265,4 @@ def grid(charts: Iterable[Chart]) -> Markup:
     figures = [*map(Chart.figure, charts)]
     if not figures:
         return Markup()
-    return element('div', *figures, class_='charts', **GROUP)
+    return element('div', *figures, class_='charts')

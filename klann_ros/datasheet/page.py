@@ -12,7 +12,7 @@ from klann_ros.web import element, FRAME, leg_shape, Markup, Parts, scrolling_ta
 import numpy as np
 
 from . import figures
-from .chart import Chart, ChartLine, grid, GROUP
+from .chart import Chart, ChartLine, grid
 from .figures import Figure, FigureTable
 from .load import EDGE_OFFSET, on_the_ground
 from .sheet import cases, CrankSheet, DataSheet, LegSheet
@@ -109,6 +109,7 @@ def _leg_section(sheet: DataSheet, leg: LegSheet, index: int) -> Markup:
         charts = [*_crank_charts(crank, sheet, leg), *charts]
         if crank.motor:
             motor = _table(_motor_table(crank))
+    tables = [_table(table, leg.title) for table in _tables(sheet, leg)]
     title = 'Motion'
     if leg.title:
         title = f'{"Legs" if len(leg.names) > 1 else "Leg"} {leg.title}'
@@ -121,11 +122,11 @@ def _leg_section(sheet: DataSheet, leg: LegSheet, index: int) -> Markup:
         element(
             'div',
             element('div', _drawing(leg, index), motor, class_='beside'),
-            element('div', *map(Chart.figure, charts[:2]), class_='beside', **GROUP),
+            element('div', *map(Chart.figure, charts[:2]), class_='beside'),
             class_='stage',
         ),
         grid(charts[2:]),
-        element('div', *map(_table, _tables(sheet, leg)), class_='tables'),
+        element('div', *tables, class_='tables'),
     )
 
 
@@ -256,12 +257,13 @@ def _motor_table(crank: CrankSheet) -> FigureTable:
 
 
 def _crank_section(crank: CrankSheet, sheet: DataSheet) -> Markup:
+    tables = [_table(table, crank.joint) for table in _crank_tables([crank], sheet)]
     return element(
         'section',
         element('h2', figures.crank_title(crank)),
         _remark(f'it turns {", ".join(crank.legs)}' if any(crank.legs) else ''),
         grid(_crank_charts(crank, sheet, None)),
-        element('div', *map(_table, _crank_tables([crank], sheet)), class_='tables'),
+        element('div', *tables, class_='tables'),
     )
 
 
@@ -292,7 +294,7 @@ def _walk_section(sheet: DataSheet) -> Markup:
     )
 
 
-def _table(table: FigureTable) -> Markup:
+def _table(table: FigureTable, owner: str = '') -> Markup:
     note = element('p', table.note, class_='quiet') if table.note else Markup()
-    scrolling = scrolling_table(table.title, table.heads, table.rows)
+    scrolling = scrolling_table(f'{table.title} {owner}'.rstrip(), table.heads, table.rows)
     return element('div', element('h3', table.title), scrolling, note)

@@ -5,6 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+# All rules of axe but the contrast of AAA, those that it is still trying out included.
+_TAGS = 'wcag2a wcag2aa wcag21a wcag21aa wcag22aa best-practice experimental'
+ALL_RULES = {'runOnly': {'type': 'tag', 'values': _TAGS.split()}}
 # Of a picture: its points' names, where they are in it, and how it is scaled.
 PLACES = """(svg, group) => [...svg.querySelectorAll(`.${group} [data-point]`)].map((node) => {
     const at = (name) => Number(node.getAttribute(name));
@@ -41,7 +44,7 @@ class OpenedPage:
         root = 'document.documentElement'
         return bool(self.page.evaluate(f'{root}.scrollWidth > {root}.clientWidth'))
 
-    def barriers(self, options: Any = None) -> list[tuple[str, list[str]]]:
+    def barriers(self, options: Any = ALL_RULES) -> list[tuple[str, list[str]]]:
         """Return the rules of accessibility that axe finds broken, and by which elements."""
         axe = pytest.importorskip('axe_playwright_python.sync_playwright')
         report = axe.Axe().run(self.page, options=options).response

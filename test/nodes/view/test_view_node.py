@@ -6,6 +6,7 @@ import socket
 from typing import Any
 
 from browser import find
+from browser_page import ALL_RULES
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fake_live_state import EVIL
 from geometry_msgs.msg import TwistStamped
@@ -370,9 +371,11 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
 @pytest.mark.parametrize(('scheme', 'width'), [('light', 1280), ('dark', 390)])
 def test_axe_finds_no_barrier(moving: Live, scheme: str, width: int) -> None:
     axe = pytest.importorskip('axe_playwright_python.sync_playwright')
+    moving.ros.probe.listen(TwistStamped, 'cmd_vel')
+    moving.until("!document.getElementById('walk-card').hidden")
     moving.page.emulate_media(color_scheme=scheme)
     moving.page.set_viewport_size({'width': width, 'height': 800})
-    violations = axe.Axe().run(moving.page).response['violations']
+    violations = axe.Axe().run(moving.page, options=ALL_RULES).response['violations']
     assert [violation['id'] for violation in violations] == []
     assert moving.page.evaluate('document.documentElement.scrollWidth <= innerWidth')
 
