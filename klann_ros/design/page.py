@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 from functools import partial
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from klann_ros.kinematics import foot_path, linkage_poses, LinkageLeg
 from klann_ros.kinematics.angles import TURN
-from klann_ros.sanitize.text import counted
+from klann_ros.sanitize.text import counted, finite
 from klann_ros.web import element, FRAME, leg_shape, Markup, Parts, SHARED
 import numpy as np
 
@@ -31,8 +30,6 @@ PAGE_PARTS = Parts(
 ANIMATION_POSES = 120
 # Two groups of legs that take turns are always on the ground from this duty factor on.
 GAPLESS_DUTY_FACTOR = 0.5
-# Figures of requirements for legs that walk.
-WALKING = frozenset({'stride', 'ground_covered', 'advance', 'duty_factor', 'step_height', 'speed'})
 
 
 def page(search_result: SearchResult, leg_names: Sequence[str]) -> str:
@@ -50,14 +47,14 @@ def page(search_result: SearchResult, leg_names: Sequence[str]) -> str:
         return PAGE_PARTS.page(title, header, findings)
     titles = leg_titles(requirements, search_legs)
     aims = figure_aims(requirements)
+    units = requirements.units
     figures: list[dict[str, Any]] = []
     for name in dict.fromkeys((*aims, *FIGURES)):
         kind = FIGURES[name]
-        unit = requirements.units.name(kind.unit)
-        figures.append({'name': name, 'unit': unit, 'text': kind.text})
+        unit = {'unit': units.name(kind.unit), 'size': units.size(kind.unit)}
+        figures.append({'name': name, 'text': kind.text, **unit})
         if aim := aims.get(name):
-            near = aim.value / requirements.units.size(kind.unit)
-            figures[-1] |= {'sense': aim.sense, 'near': near}
+            figures[-1] |= {'sense': aim.sense, 'near': aim.value}
     target = requirements.target
     legs = [*map(partial(_leg_data, requirements), search_legs, leg_names, titles)]
     data = {
@@ -81,20 +78,21 @@ def _warnings(requirements: Requirements, legs: Sequence[FoundLeg]) -> list[str]
     """Return what the figures mean for walkers whose legs stand for a short part of a turn."""
     duty_factors = [leg.reached.get('duty_factor', 1.0) for leg in legs]
     short_count = sum(factor < GAPLESS_DUTY_FACTOR for factor in duty_factors)
-    if not short_count or WALKING.isdisjoint(requirements.figures):
+    walker = requirements.walker
+    is_for_walking = walker or not {'stride', 'ground_covered'}.isdisjoint(requirements.figures)
+    if not short_count or not is_for_walking:
         return []
     text = (
-        f'{short_count} of {counted(len(legs), "leg")} stand for less than half a turn: a step '
-        'walks ground covered, not stride. '
+        f'On the ground for less than half a turn: {short_count} of {counted(len(legs), "leg")}. '
+        'A step walks ground covered, not stride. '
     )
-    walker = requirements.walker
     if walker is None:
         return [f'{text}Between the stances of two groups nobody carries.']
     falling = sum(leg.reached.get('static_margin', 0.0) < 0.0 for leg in legs)
     walkers = f'walkers with {walker.get("legs", DEFAULT_LEGS)} legs'
     if falling:
         return [f'{text}{falling} of {len(legs)} {walkers} tip over in between.']
-    return [f'{text}The {walkers} stand all the same, on feet that slide.']
+    return [f'{text}The {walkers} stand, on sliding feet.']
 
 
 def _leg_data(requirements: Requirements, leg: FoundLeg, name: str, title: str) -> dict[str, Any]:
@@ -103,19 +101,6 @@ def _leg_data(requirements: Requirements, leg: FoundLeg, name: str, title: str) 
     poses: Any = linkage_poses(leg.linkage, angles, points=True)
     stance = foot_path(LinkageLeg(leg.linkage)).stance()
     angles_since_stance_start = (angles - stance.start) % TURN
-    figures = {}
-    texts = {}
-    for figure_name, reached in leg.reached.items():
-        figures[figure_name] = reached / requirements.units.size(FIGURES[figure_name].unit)
-        expected_text = requirements.figure_text(figure_name, leg.expected.get(figure_name))
-        text = requirements.figure_text(figure_name, reached)
-        if expected_text not in ('', text):
-            text += f', expected {expected_text}'
-        texts[figure_name] = text
-    margins = []
-    for dimension, limits in leg.margins.items():
-        limit_texts = [f'{limit:.5g}' if isfinite(limit) else 'any' for limit in limits]
-        margins.append([dimension, *limit_texts])
     rounded = [float(f'{metres:.5g}') for metres in poses.points.ravel()]
     return {
         'name': name,
@@ -125,9 +110,9 @@ def _leg_data(requirements: Requirements, leg: FoundLeg, name: str, title: str) 
         'foot': leg.linkage.foot,
         'points': np.reshape(rounded, poses.points.shape).tolist(),
         'stands': (angles_since_stance_start <= stance.end - stance.start).tolist(),
-        'figures': figures,
-        'texts': texts,
-        'margins': margins,
+        'figures': leg.reached,
+        'expected': finite(leg.expected),
+        'margins': finite(leg.margins),
         'commands': next_commands(requirements, leg, name, Path()),
         'walker': leg.walker is not None,
     }

@@ -17,10 +17,12 @@ ALSO_SHOWN = ('transmission_angle', 'margin')
 def figure_aims(requirements: Requirements) -> dict[str, Aim]:
     """Return the figures that a report shows, each with the aim that makes a leg better."""
     aims = {aim.figure: aim for aim in requirements.aims}
+    limited = [limit.figure for limit in requirements.limits]
     for limit in requirements.limits:
         sense = 'maximize' if limit.sense == 'at_least' else 'minimize'
-        # Of a range, its lower bound counts.
-        aims.setdefault(limit.figure, Aim(limit.figure, sense))
+        # No leg is better within a range.
+        is_range = limited.count(limit.figure) > 1
+        aims.setdefault(limit.figure, Aim(limit.figure, 'any' if is_range else sense))
     if requirements.target is not None and not requirements.target.is_timed:
         aims.setdefault('point_error', Aim('point_error', 'minimize'))
     for figure in ALSO_SHOWN:
@@ -55,7 +57,8 @@ def leg_titles(requirements: Requirements, legs: Sequence[FoundLeg]) -> list[str
         texts = [requirements.figure_text(aim.figure, figure) for figure in figures]
         losses = np.array([inf if figure is None else aim.loss(figure) for figure in figures])
         for rank, index in enumerate(np.argsort(losses, kind='stable').tolist()):
-            if rank < ranks[index] and texts[index] and texts.count(texts[index]) == 1:
+            is_distinct = texts[index] and texts.count(texts[index]) == 1
+            if is_distinct and rank < ranks[index] and aim.sense != 'any':
                 ranks[index] = rank
                 titles[index] = _superlative(aim, rank)
         if aim in requirements.aims:
@@ -74,6 +77,5 @@ def _superlative(aim: Aim, rank: int) -> str:
     if aim.sense == 'near':
         adjective = 'nearest'
     number = rank + 1
-    is_teen = number // 10 % 10 == 1
-    ending = {1: 'st', 2: 'nd', 3: 'rd'}.get(0 if is_teen else number % 10, 'th')
+    ending = {1: 'st', 2: 'nd', 3: 'rd'}.get(number % 10 * (number // 10 % 10 != 1), 'th')
     return f'{f"{number}{ending} " if rank else ""}{adjective} {aim.figure.replace("_", " ")}'

@@ -64,6 +64,15 @@ function tableOf(heads, rows, caption) {
   return scrolls;
 }
 
+/** The figure of a leg, and that of the search where it differs. */
+function reachedText(leg, figure) {
+  const reached = leg.figures[figure.name];
+  if (reached === undefined) return '–';
+  const text = figureText(figure, reached);
+  const expected = figureText(figure, leg.expected[figure.name] ?? reached);
+  return text === expected ? text : `${text}, expected ${expected}`;
+}
+
 class Comparison {
   constructor(place) {
     this.drawn = [];
@@ -104,7 +113,7 @@ class Comparison {
     const label = make('label', 'Crank ');
     this.angle = make('span', '0 deg', 'angle');
     label.append(this.crank, this.angle);
-    bar.append(make('h2', 'Side by side'), button, label);
+    bar.append(make('h2', 'In motion'), button, label);
     return bar;
   }
 
@@ -128,9 +137,12 @@ class Comparison {
     svg.setAttribute('aria-label', `${leg.name} in motion`);
     svg.classList.add('drawing');
     const details = make('details');
-    details.append(make('summary', 'Margins: it turns fully from, to'));
-    const caption = `Margins of ${leg.name}`;
-    details.append(tableOf(['dimension', 'from', 'to'], leg.margins, caption));
+    details.append(make('summary', 'Margins: it turns fully from, to [m, rad]'));
+    const margins = Object.entries(leg.margins).map(([name, limits]) => [
+      name,
+      ...limits.map((limit) => (limit === null ? 'any' : String(Number(limit.toPrecision(5))))),
+    ]);
+    details.append(tableOf(['dimension', 'from', 'to'], margins, `Margins of ${leg.name}`));
     card.append(make('h3', legTitle(leg)), make('p', leg.linkage, 'quiet'), svg);
     if (leg.walker) {
       // The place of the walker in three dimensions.
@@ -147,11 +159,11 @@ class Comparison {
   figures(legs) {
     const rows = [];
     for (const figure of data.figures) {
-      const texts = legs.map((leg) => leg.texts[figure.name] ?? '–');
+      const texts = legs.map((leg) => reachedText(leg, figure));
       if (texts.every((text) => text === '–')) continue;
       const losses = legs.map((leg) => (figure.sense ? lossOf(leg, figure) : Infinity));
       const best = texts[losses.indexOf(Math.min(...losses))];
-      const hasBest = figure.sense && new Set(texts).size > 1;
+      const hasBest = figure.sense && figure.sense !== 'any' && new Set(texts).size > 1;
       const cells = texts.map((text) =>
         hasBest && text === best ? [`${text} `, make('strong', 'best', 'best')] : text,
       );

@@ -15,6 +15,7 @@ class DesignPage {
     this.picked.setAttribute('role', 'status');
     const hint = make('p', 'Choose up to four: they move side by side below. ', 'quiet');
     hint.append(this.picked);
+    hint.hidden = data.legs.length === 1;
     const bar = make('div', '', 'bar axes');
     bar.append(make('h2', 'Legs'), hint);
     const chart = make('div', '', 'scatter card');
@@ -41,8 +42,8 @@ class DesignPage {
       button.append(title);
       if (hasNames) button.append(make('small', leg.linkage));
       this.buttons.push(button);
-      const cells = figures.map(({ name }) =>
-        name in leg.figures ? String(Number(leg.figures[name].toPrecision(4))) : '–',
+      const cells = figures.map((figure) =>
+        figure.name in leg.figures ? String(inUnit(figure, leg.figures[figure.name])) : '–',
       );
       return [[button], ...cells];
     });

@@ -47,7 +47,16 @@ function legTitle(leg) {
   return [leg.name, leg.title].filter(Boolean).join(', ');
 }
 
-/** By how much a leg misses the aim of a figure, in its unit; infinite where it has none. */
+/** A figure in its unit, as a number; and with it, as a text. */
+function inUnit(figure, value) {
+  return Number((value / figure.size).toPrecision(4));
+}
+
+function figureText(figure, value) {
+  return `${inUnit(figure, value)} ${figure.unit}`.trim();
+}
+
+/** By how much a leg misses the aim of a figure; infinite where it has none. */
 function lossOf(leg, { name, sense, near }) {
   const figure = leg.figures[name] ?? Infinity;
   if (sense === 'near') return Math.abs(figure - near);
@@ -81,9 +90,8 @@ class Scatter {
     this.svg.setAttribute('viewBox', `0 0 ${width} ${CHART.height}`);
     const right = width - CHART.right;
     const floor = CHART.height - CHART.bottom;
-    const [rangeX, rangeY] = [x, y].map(({ name }) =>
-      rangeOf(data.legs.map((leg) => leg.figures[name])),
-    );
+    const at = (leg, { name, size }) => leg.figures[name] / size;
+    const [rangeX, rangeY] = [x, y].map((axis) => rangeOf(data.legs.map((leg) => at(leg, axis))));
     const part = (value, [low, high]) => (value - low) / (high - low);
     const toX = (value) => CHART.left + part(value, rangeX) * (right - CHART.left);
     const toY = (value) => floor - part(value, rangeY) * (floor - CHART.top);
@@ -98,7 +106,7 @@ class Scatter {
     this.text(axisTitle(x), (CHART.left + right) / 2, CHART.height - 4, 'middle');
     this.text(axisTitle(y), 4, 12, 'start');
     this.dots = data.legs.map((leg, n) => {
-      const place = { cx: toX(leg.figures[x.name]), cy: toY(leg.figures[y.name]), r: 7 };
+      const place = { cx: toX(at(leg, x)), cy: toY(at(leg, y)), r: 7 };
       const dot = svgNode('circle', { ...place, tabindex: 0, role: 'button' }, this.svg);
       dot.setAttribute('aria-label', legTitle(leg));
       svgNode('title', {}, dot).textContent = legTitle(leg);
@@ -142,10 +150,10 @@ class AimBars {
       button.type = 'button';
       const bar = make('span', '', 'length');
       bar.style.setProperty('--part', sizes[n] / (Math.max(...sizes) || 1));
-      const behind = Number((losses[n] - best).toPrecision(3));
-      const distance = losses[n] === best ? 'the best' : `${behind} ${figure.unit} behind`;
-      button.append(make('span', leg.name), bar, make('span', leg.texts[figure.name]));
-      button.append(make('small', distance));
+      const behind = `${figureText(figure, losses[n] - best)} behind`;
+      const text = figureText(figure, leg.figures[figure.name]);
+      button.append(make('span', leg.name), bar, make('span', text));
+      button.append(make('small', losses[n] === best ? 'the best' : behind));
       button.addEventListener('click', () => choose(n));
       place.append(button);
       return button;
