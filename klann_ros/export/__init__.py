@@ -18,16 +18,14 @@ It does not need ROS. DXF needs ezdxf, which is imported only to write it.
 
 from .assembly import assembly
 from .drawing import Drawing, drawing, dxf, NoEzdxfError, svg
+from .frame import placed_legs
 from .layers import Layers, layers
 from .outline import polyline
 from .parts import (
-    leg_parts,
     Part,
     PartSizes,
-    placed_legs,
     PlacedLeg,
     Prism,
-    robot_parts,
     Role,
 )
 from .plates import ExportError, Plate, plates
@@ -50,12 +48,10 @@ __all__ = [
     'drawing',
     'dxf',
     'layers',
-    'leg_parts',
     'part_settings',
     'placed_legs',
     'plates',
     'polyline',
-    'robot_parts',
     'scene_parts',
     'svg',
     'urdf',

@@ -26,7 +26,8 @@ from klann_ros.twin import robot_mjcf
 
 from .assembly import assembly, spacers
 from .drawing import drawing, dxf, NoEzdxfError, svg
-from .parts import CLEARANCE, distinct_parts, PartSizes, placed_legs, PlacedLeg
+from .frame import placed_legs
+from .parts import CLEARANCE, distinct_parts, PartSizes, PlacedLeg
 from .plates import ExportError, slot_conflict
 from .ros2_control import ros2_control_files
 from .solids import glb, NoSolidsError, stl_files, three_mf

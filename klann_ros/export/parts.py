@@ -6,33 +6,30 @@ point along its angle; the ground's are the leg's plane. z is along the plane's 
 0 at the underside of layer 0; layer k begins at k (thickness + washer), and heads of pins reach
 below 0. The mount's plane is z = 0. `placed_legs` says where the stack of a mounted leg goes
 against the normal: the ground, outermost in most legs, is at the side of the robot's middle.
-
->>> from klann_ros.robot import robot_of
->>> [part.name for part in leg_parts(robot_of('chebyshev').legs[0].linkage)][:5]
-['ground', 'crank', 'coupler', 'rocker', 'pin A']
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
-from itertools import chain
 from typing import Any
 
 from klann_ros.dynamics import BodyMass
 from klann_ros.kinematics import FIXED, Linkage
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.robot import Robot, RobotLeg
+from klann_ros.robot import RobotLeg
 import numpy as np
 
-from .layers import FlushEnd, Layers, layers, Shaft, Side
+from .layers import FlushEnd, Layers, Shaft, Side
 from .outline import moments, Outline, outlines
-from .plates import ExportError, Hole, Plate, plates, Slot
+from .plates import ExportError, Hole, Plate, Slot
 
 # Width of links: a multiple of the widest hole, but at least a part of the linkage's size.
 WIDTH_BY_HOLE, WIDTH_BY_SIZE = 3.0, 0.04
 # Added to the diameter of printed holes [m]; more is at most this part of the diameter.
 CLEARANCE, MAX_CLEARANCE = 0.2e-3, 0.25
+# The layer of the walls of a walker, which the pins of its grounds reach.
+WALL_LAYER = -2
 # Height of a pin's head, as a part of its diameter, but at most a plate's thickness.
 HEAD_HEIGHT = 0.8
 
@@ -172,68 +169,15 @@ class PlacedLeg:
         return np.asarray(plane @ part_in_plane)
 
 
-def leg_parts(linkage: Linkage, sizes: PartSizes = PartSizes()) -> tuple[Part, ...]:
-    """
-    Return the parts of a leg: plates, then pins with their spacers and washers.
-
-    Raises
-    ------
-    ExportError
-        The sizes leave too little material, the crank reaches no angle, or no layers are found.
-
-    """
-    return placed_legs(Robot('', (RobotLeg('', linkage),)), sizes)[0].parts
-
-
-def robot_parts(robot: Robot, sizes: PartSizes = PartSizes()) -> tuple[Part, ...]:
-    """Return the parts of a robot, those of equal legs once with their count; as `leg_parts`."""
-    return distinct_parts(placed_legs(robot, sizes))
-
-
 def distinct_parts(legs: Iterable[PlacedLeg]) -> tuple[Part, ...]:
-    """Return the parts of legs, those of equal legs once."""
-    parts_of = {placed.leg.linkage: placed.parts for placed in legs}
-    return tuple(chain.from_iterable(parts_of.values()))
+    """Return the parts of legs, those of equal legs once, as their `count` says."""
+    return tuple({id(part): part for placed in legs for part in placed.parts}.values())
 
 
-def placed_legs(
-    robot: Robot, sizes: PartSizes = PartSizes(), scale: float = 1.0
-) -> tuple[PlacedLeg, ...]:
-    """Return the legs of a robot, scaled, with their parts; errors as `leg_parts`."""
-    robot = _scaled(robot, scale)
-    width = sizes.link_width(max(leg.linkage.size for leg in robot.legs))
-    robot_plates = plates(robot, hole=sizes.hole, width=width, holes=sizes.holes)
-    plates_of: dict[str, list[Plate]] = {}
-    for plate in robot_plates:
-        plates_of.setdefault(plate.legs, []).append(plate)
-    linkages = dict.fromkeys(leg.linkage for leg in robot.legs)
-    stacks = {}
-    for linkage, leg_plates in zip(linkages, plates_of.values(), strict=True):
-        stack = layers(linkage, leg_plates)
-        stacks[linkage] = stack, tuple(stack_parts(stack, sizes, linkage))
-    centre = np.mean([leg.mount.xyz for leg in robot.legs], axis=0)
-    legs = []
-    for leg in robot.legs:
-        stack, parts = stacks[leg.linkage]
-        outward = (np.array(leg.mount.xyz) - centre) @ leg.mount.rotation[:, 2]
-        is_ground_low = 2 * stack.layer[0] < stack.count
-        is_against = (outward < 0.0) == is_ground_low and robot.is_walker
-        legs.append(PlacedLeg(leg, stack, parts, -1 if is_against else 1))
-    return tuple(legs)
-
-
-def _scaled(robot: Robot, scale: float) -> Robot:
-    """Return a robot with its legs and their places scaled."""
-    legs = []
-    for leg in robot.legs:
-        x, y, z = leg.mount.xyz
-        mount = replace(leg.mount, xyz=(scale * x, scale * y, scale * z))
-        legs.append(replace(leg, linkage=leg.linkage.scaled(scale), mount=mount))
-    return replace(robot, legs=tuple(legs))
-
-
-def stack_parts(stack: Layers, sizes: PartSizes, linkage: Linkage) -> Iterator[Part]:
-    """Yield the parts of a leg's layers."""
+def stack_parts(
+    stack: Layers, sizes: PartSizes, linkage: Linkage, *, is_framed: bool
+) -> Iterator[Part]:
+    """Yield the parts of a leg's layers; the pins of the ground reach a frame's wall."""
     crank = linkage.structure.bodies.index(linkage.structure.crank)
     roles = {FIXED: Role.FRAME, crank: Role.CRANK}
     for plate, layer in zip(stack.plates, stack.layer, strict=True):
@@ -241,7 +185,10 @@ def stack_parts(stack: Layers, sizes: PartSizes, linkage: Linkage) -> Iterator[P
         role = roles.get(plate.body, Role.LINK)
         yield Part(plate.name, role, plate.body, (prism,), plate.count, plate.legs)
     for shaft in stack.shafts:
-        yield from _shaft_parts(stack, shaft, sizes)
+        joined = {stack.layer[p] for p in shaft.plates}
+        if is_framed and any(stack.plates[p].body == FIXED for p in shaft.plates):
+            joined.add(WALL_LAYER)
+        yield from _shaft_parts(stack, shaft, sizes, joined)
 
 
 def plate_prism(plate: Plate, low: float, thickness: float, clearance: float = 0.0) -> Prism:
@@ -254,12 +201,13 @@ def plate_prism(plate: Plate, low: float, thickness: float, clearance: float = 0
     return Prism(curves, tuple(cuts), low, low + thickness)
 
 
-def _shaft_parts(stack: Layers, shaft: Shaft, sizes: PartSizes) -> Iterator[Part]:
+def _shaft_parts(
+    stack: Layers, shaft: Shaft, sizes: PartSizes, joined: set[int]
+) -> Iterator[Part]:
     """Yield a shaft's pins, one unless it is a stub, with their caps, spacers and washers."""
     carrier = stack.plates[shaft.carrier]
     outer = shaft.radius(carrier.width)
     inner = shaft.diameter / 2.0
-    joined = {stack.layer[p] for p in shaft.plates}
 
     def part(role: Role, *rings: tuple[float, float, float, float]) -> Part:
         """Return a part of rings: outer radius, radius of the hole, and heights."""

@@ -228,11 +228,11 @@ def _linkage_plates(linkage: Linkage, sizes: Mapping[str, float], width: float) 
     names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
     for j, name in names.items():
         if holes[j] or slots[j]:
-            merged_holes = tuple(_merged(holes[j]))
+            plate_holes = tuple(merged_holes(holes[j]))
             bars = [] if j == FIXED else [*_bars(linkage, j, places)]
-            cuts = [hole.line for hole in merged_holes] + [slot.line for slot in slots[j]]
-            links = tuple(_joined(bars, cuts))
-            yield Plate(name, merged_holes, tuple(slots[j]), links=links, width=width, body=j)
+            cuts = [hole.line for hole in plate_holes] + [slot.line for slot in slots[j]]
+            links = tuple(joined_links(bars, cuts))
+            yield Plate(name, plate_holes, tuple(slots[j]), links=links, width=width, body=j)
 
 
 def _bars(
@@ -244,7 +244,7 @@ def _bars(
             yield places[j, bar.brace.start], places[j, bar.end]
 
 
-def _joined(bars: Sequence[Segment], cuts: Sequence[Segment]) -> Iterator[Segment]:
+def joined_links(bars: Sequence[Segment], cuts: Sequence[Segment]) -> Iterator[Segment]:
     """Yield bars, links around cuts, and the shortest links that connect all of these."""
     groups: list[list[Segment]] = []
     for segment in (*bars, *cuts):
@@ -302,7 +302,7 @@ def _pins(
     return pins or [0.0]
 
 
-def _merged(holes: list[Hole]) -> Iterator[Hole]:
+def merged_holes(holes: list[Hole]) -> Iterator[Hole]:
     """Yield holes, coincident ones as one."""
     groups: list[list[Hole]] = []
     for hole in holes:

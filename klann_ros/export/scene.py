@@ -6,8 +6,9 @@ from typing import Any
 from klann_ros.kinematics import FIXED, Linkage
 from klann_ros.robot import Robot
 
+from .frame import placed_legs
 from .outline import Outline
-from .parts import Part, placed_legs, Role
+from .parts import Part, Role
 
 # Digits of a coordinate: a tenth of a micrometre.
 _DIGITS = 7
@@ -23,15 +24,15 @@ def scene_parts(robot: Robot) -> dict[str, Any]:
         The sizes leave too little material, the crank reaches no angle, or no layers are found.
 
     """
-    models: dict[Linkage, dict[str, Any]] = {}
+    models: dict[tuple[Part, ...], dict[str, Any]] = {}
     legs = {}
     for placed in placed_legs(robot):
-        linkage = placed.leg.linkage
-        if linkage not in models:
-            models[linkage] = _model(linkage, placed.parts)
-            models[linkage]['radius'] = placed.stack.plates[0].width / 2.0
+        # A leg that carries walls or beams of the frame has more parts than its equals.
+        if placed.parts not in models:
+            models[placed.parts] = _model(placed.leg.linkage, placed.parts)
+            models[placed.parts]['radius'] = placed.stack.plates[0].width / 2.0
         legs[placed.leg.name] = {
-            'model': [*models].index(linkage),
+            'model': [*models].index(placed.parts),
             'direction': placed.direction,
             'offset': placed.offset,
         }

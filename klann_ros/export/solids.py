@@ -21,8 +21,6 @@ MM = 1e3
 PRINT_TOLERANCE, VIEW_TOLERANCE = 2e-6, 2e-5
 # Space between the parts on a bed [mm], and that between beds, as a part of their width.
 PART_GAP, BED_GAP = 4.0, 0.2
-# Decimals of a millimetre in which equal parts agree.
-DECIMALS = 6
 MAX_NAME = 48
 HARDWARE_COLOUR, FRAME_COLOUR = '#26292e', '#8a8f98'
 
@@ -90,18 +88,10 @@ def printed_parts(parts: Sequence[Part], bed: complex = 0j) -> dict[str, tuple[A
     return meshes
 
 
-def _shape(part: Part) -> Any:
-    """Return a key that equal parts share, wherever they stand."""
-    first = part.prisms[0]
-    origin = first.outlines[0][0].at
-    curves = []
-    for prism in part.prisms:
-        heights = prism.low - first.low, prism.high - first.low
-        curves.append(np.round(MM * np.array(heights), DECIMALS).tobytes())
-        for curve in (*prism.outlines, *prism.cuts):
-            corners = np.array([(corner.at - origin, corner.bulge) for corner in curve])
-            curves.append((np.round(MM * corners, DECIMALS) + 0.0).tobytes())
-    return part.role, part.legs, tuple(curves)
+def _shape(part: Part) -> tuple[object, ...]:
+    """Return a key that equal parts share, however they stand: role, volume and inertia."""
+    mass = part.mass(1.0)
+    return part.role, part.legs, f'{mass.mass:.6g} {mass.inertia:.6g}'
 
 
 def _fits(extent: complex, bed: complex) -> bool:

@@ -26,8 +26,9 @@ from klann_ros.sanitize.units import warn_of_lengths
 from klann_ros.sanitize.yaml_text import dump, parse, parse_file
 import numpy as np
 
+from .frame import placed_legs
 from .outline import Outline, polyline
-from .parts import Part, PartSizes, placed_legs, PlacedLeg, Prism
+from .parts import Part, PartSizes, PlacedLeg, Prism
 from .plates import ExportError
 
 MATERIALS: dict[str, float] = parse_file(Path(__file__).with_name('materials.yaml'))

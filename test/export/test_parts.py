@@ -1,13 +1,13 @@
 """The parts of a leg: every layer filled as computed, volumes in closed form."""
 
-from klann_ros.export import leg_parts, Part, PartSizes, Role
+from klann_ros.export import Part, PartSizes, placed_legs, Role
 from klann_ros.robot import robot_of
 
 SIZES = PartSizes(hole=4e-3, width=20e-3, thickness=4e-3, washer=1e-3, clearance=0.3e-3)
 
 
 def parts_of(name: str) -> tuple[Part, ...]:
-    return leg_parts(robot_of(name).legs[0].linkage, SIZES)
+    return placed_legs(robot_of(name), SIZES)[0].parts
 
 
 def test_a_pin_with_its_heads_spacers_and_washers_fills_its_layers() -> None:

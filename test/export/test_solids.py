@@ -7,11 +7,12 @@ from itertools import combinations
 from pathlib import Path
 import sys
 
-from klann_ros.export import Part, PartSizes, placed_legs, PlacedLeg, robot_parts
+from klann_ros.export import Part, PartSizes, placed_legs, PlacedLeg
 from klann_ros.export.command import main
+from klann_ros.export.parts import distinct_parts
 from klann_ros.export.solids import glb, printed_parts, solid, stl_files, three_mf
 from klann_ros.robot import robot_from_file, robot_of
-from manifold3d import Manifold, Mesh
+from manifold3d import Manifold, Mesh, OpType
 import numpy as np
 import pytest
 import trimesh
@@ -96,33 +97,64 @@ def test_printed_parts_lie_flat_with_the_larger_face_down() -> None:
 
 
 def test_a_walker_is_printed_leg_by_leg_on_beds_without_overlap() -> None:
-    robot = robot_from_file(str(CONFIG / 'walker6.yaml'))
+    robot = robot_from_file(str(CONFIG / 'walker4.yaml'))
     legs = placed_legs(robot, SIZES, 0.2)
-    parts = legs[0].parts
-    content, beds = three_mf(parts, 200 + 180j)
+    content, beds = three_mf(distinct_parts(legs), 220 + 120j)
     scene = trimesh.load(BytesIO(content), file_type='3mf')
     assert scene.units == 'millimeter'
-    assert len(scene.graph.nodes_geometry) == 6 * len(parts)
+    assert len(scene.graph.nodes_geometry) == sum(len(leg.parts) for leg in legs)
     assert beds > 1
     boxes = []
     for node in scene.graph.nodes_geometry:
         pose, name = scene.graph[node]
         low, high = scene.geometry[name].bounds[:, :2] + pose[:2, 3]
-        bed = low[0] // 240.0
+        bed = low[0] // 264.0
         assert low.min() >= 3.99
-        assert high[0] - 240.0 * bed <= 196.01
-        assert high[1] <= 176.01
+        assert high[0] - 264.0 * bed <= 216.01
+        assert high[1] <= 116.01
         boxes.append((low, high))
     for (low_a, high_a), (low_b, high_b) in combinations(boxes, 2):
         assert ((low_b > high_a + 3.99) | (low_a > high_b + 3.99)).any()
     assembled = trimesh.load(BytesIO(glb(legs)), file_type='glb')
-    assert len(assembled.graph.nodes_geometry) == 6 * len(parts)
-    # y is up, and z to the right: the mounts are at 70 mm.
-    assert abs(assembled.bounds[:, 2]) == pytest.approx([0.085, 0.085], abs=0.005)
+    assert len(assembled.graph.nodes_geometry) == sum(len(leg.parts) for leg in legs)
+    # y is up, and z to the right: the mounts are at 50 mm, and three layers with heads outside.
+    assert abs(assembled.bounds[:, 2]) == pytest.approx([0.06256, 0.06256])
+
+
+def test_legs_of_a_plane_that_would_collide_stand_beside_each_other() -> None:
+    legs = placed_legs(robot_from_file(str(CONFIG / 'walker_jansen.yaml')), SIZES, 0.3)
+    left = [leg for leg in legs if 'left' in leg.leg.name]
+    assert [round(1e3 * abs(leg.offset), 3) for leg in left] == [0.0, 4.0, 24.5, 28.5]
+    front_and_rear = left[0], left[2]
+    meshes = {part: solid(part, VIEW_TOLERANCE) for leg in front_and_rear for part in leg.parts}
+    for position in (0.4, 3.9):
+        solids = []
+        for leg in front_and_rear:
+            sample = leg.stack.motion.nearest(float(leg.leg.crank_angles(position)))
+            shapes = []
+            for part in leg.parts:
+                placed = meshes[part].copy().apply_transform(leg.pose(part.body, sample) * MM_POSE)
+                shapes.append(Manifold(Mesh(np.float32(placed.vertices), np.uint32(placed.faces))))
+            solids.append(Manifold.batch_boolean(shapes, OpType.Add))
+        assert (solids[0] ^ solids[1]).volume() < 1e-3
+
+
+def test_walls_and_beams_hold_the_legs_of_a_walker() -> None:
+    legs = placed_legs(robot_from_file(str(CONFIG / 'walker4.yaml')), SIZES, 0.3)
+    frame = [part for part in distinct_parts(legs) if part.name in {'wall', 'beam'}]
+    assert [part.name for part in frame] == ['wall', 'beam', 'beam', 'beam', 'wall']
+    # The mounts are 150 mm apart, and each wall is two layers of 3.5 mm further in.
+    (beam,) = frame[1].prisms
+    assert 1e3 * (beam.high - beam.low) == pytest.approx(150.0 - 4.0 * 3.5)
+    # The pivots of two legs, A of both in one line, and the holes of three beams.
+    assert len(frame[0].prisms[0].cuts) == 2 * 3 + 3
+    # A long screw holds the ground to its wall.
+    (axle,) = [part for part in legs[0].parts if part.name == 'pin D']
+    assert min(prism.low for prism in axle.prisms) < -2.0 * 3.5e-3
 
 
 def test_files_have_plain_names_with_their_number(tmp_path: Path) -> None:
-    parts = robot_parts(robot_of('chebyshev'), SIZES)
+    parts = leg_of('chebyshev').parts
     hostile = [replace(parts[0], name='../\u00e9 /x'), replace(parts[1], name='../\u00e8 /x')]
     assert [*stl_files(hostile)] == ['frame_x_x1.stl', 'crank_x_x1.stl']
     folder = tmp_path / 'parts'

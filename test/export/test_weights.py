@@ -7,13 +7,13 @@ from pathlib import Path
 
 from klann_ros.datasheet.command import main as describe
 from klann_ros.dynamics import BodyMass
-from klann_ros.export import leg_parts, Part, part_settings, PartSizes, placed_legs, plates, Role
+from klann_ros.export import Part, part_settings, PartSizes, placed_legs, plates, Role
 from klann_ros.export.command import main
 from klann_ros.export.parts import plate_prism
 from klann_ros.export.plates import Plate
 from klann_ros.export.weights import Material, weighed_file
-from klann_ros.kinematics import FIXED, schema_error, SHIPPED
-from klann_ros.robot import robot_from_file, robot_of
+from klann_ros.kinematics import FIXED, Linkage, schema_error, SHIPPED
+from klann_ros.robot import Robot, robot_from_file, robot_of, RobotLeg
 from klann_ros.sanitize.units import UnitWarning
 from klann_ros.sanitize.yaml_text import parse
 import mujoco
@@ -26,6 +26,10 @@ ROOT = Path(__file__).resolve().parents[2]
 HOLE, WIDTH, THICKNESS, DENSITY = 4e-3, 20e-3, 3e-3, 1190.0
 OPTIONS = ['--hole', '4', '--width', '20', '--thickness', '3', '--material', '1190']
 PLA, INFILL, WALL = 1240.0, 0.3, 1e-3
+
+
+def leg_parts(linkage: Linkage, sizes: PartSizes | None = None) -> tuple[Part, ...]:
+    return placed_legs(Robot('', (RobotLeg('', linkage),)), sizes)[0].parts
 
 
 def plates_of(name: str) -> dict[str, Plate]:
