@@ -9,6 +9,7 @@ from klann_ros.robot import Robot
 from .frame import placed_legs
 from .outline import Outline
 from .parts import Part, Role
+from .weights import part_settings, part_sizes
 
 # Digits of a coordinate: a tenth of a micrometre.
 _DIGITS = 7
@@ -16,7 +17,7 @@ _DIGITS = 7
 
 def scene_parts(robot: Robot) -> dict[str, Any]:
     """
-    Return the parts of a robot: a model for each linkage, and the place of each leg's stack.
+    Return the parts of a robot: a model for equal legs, and the place of each leg's stack.
 
     Raises
     ------
@@ -24,15 +25,16 @@ def scene_parts(robot: Robot) -> dict[str, Any]:
         The sizes leave too little material, the crank reaches no angle, or no layers are found.
 
     """
-    models: dict[tuple[Part, ...], dict[str, Any]] = {}
+    models: dict[Any, dict[str, Any]] = {}
     legs = {}
-    for placed in placed_legs(robot):
+    for placed in placed_legs(robot, part_sizes(part_settings(robot.legs, {}, 1.0))):
         # A leg that carries walls or beams of the frame has more parts than its equals.
-        if placed.parts not in models:
-            models[placed.parts] = _model(placed.leg.linkage, placed.parts)
-            models[placed.parts]['radius'] = placed.stack.plates[0].width / 2.0
+        key = placed.leg.linkage, placed.parts
+        if key not in models:
+            models[key] = _model(*key)
+            models[key]['radius'] = placed.stack.plates[0].width / 2.0
         legs[placed.leg.name] = {
-            'model': [*models].index(placed.parts),
+            'model': [*models].index(key),
             'direction': placed.direction,
             'offset': placed.offset,
         }

@@ -38,12 +38,12 @@ CHORD = 1e-3
 # Where the vertices of all links are, in base_link.
 BOX = """() => {
     const low = [1e9, 1e9, 1e9], high = [-1e9, -1e9, -1e9];
-    for (const { bodies, mounts } of live.stage.scene.meshes) {
-        for (const { mesh } of bodies) {
+    live.stage.scene.robot.traverse((mesh) => {
+        if (mesh.geometry && mesh.material.vertexColors) {
             const { array } = mesh.geometry.attributes.position;
-            for (let n = 0; n < mounts.length; n += 1) {
+            for (let n = 0; n < (mesh.count || 1); n += 1) {
                 const matrix = new THREE.Matrix4();
-                mesh.getMatrixAt(n, matrix);
+                if (mesh.isInstancedMesh) mesh.getMatrixAt(n, matrix);
                 for (let i = 0; i < array.length; i += 3) {
                     const at = new THREE.Vector3(...array.slice(i, i + 3)).applyMatrix4(matrix);
                     at.toArray().forEach((value, k) => {
@@ -53,7 +53,7 @@ BOX = """() => {
                 }
             }
         }
-    }
+    });
     return [low, high];
 }"""
 NO_WEBGL = """
@@ -139,6 +139,7 @@ def test_a_walker_is_drawn_as_its_parts_by_files_of_this_server(
     opened.until('live.stage.scene?.renderer.info.render.triangles > 1000')
     assert np.abs(np.array(opened.page.evaluate(BOX)) - box_of_parts(state.robot)).max() < CHORD
     assert len({urlsplit(request).netloc for request in opened.requests}) == 1
+    assert opened.barriers() == []
     sizes = opened.page.evaluate(MEMORY)
     assert sizes[1:] == sizes[1:2] * 39
     # A browser without a graphics card says that it copies the picture.

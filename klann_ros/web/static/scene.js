@@ -130,20 +130,20 @@ class RobotScene {
   buildLegs() {
     const middle = this.data.body ? this.data.body.centre : [0, 0, 0];
     this.legs = this.data.legs.map((leg) => ({ ...leg, meshes: null, ...mountMatrix(leg, middle) }));
-    for (const model of new Set(this.legs.map((leg) => leg.model))) {
-      for (const isMirrored of [false, true]) {
-        const legs = this.legs.filter((leg) => leg.model === model && leg.isMirrored === isMirrored);
-        if (model && legs.length) this.addMeshes(model, legs);
-      }
+    const groups = new Map();
+    for (const leg of this.legs.filter(({ model }) => model)) {
+      const { bodies, parts } = leg.model;
+      const key = JSON.stringify([leg.isMirrored, bodies, parts.filter(({ body }) => body !== FIXED)]);
+      groups.set(key, [...(groups.get(key) || []), leg]);
     }
+    for (const legs of groups.values()) this.addMeshes(legs[0].model, legs);
+    this.robot.add(new THREE.Mesh(groundGeometry(this.legs, partColour), this.materials.part));
   }
 
   /** Add the meshes of legs that have a model, and are mirrored, alike. */
   addMeshes(model, legs) {
-    const colourOf = ({ body, isLink }) =>
-      sceneColour(isLink && body !== FIXED ? `body-${body % BODY_COLOURS}` : METAL);
     const mounts = legs.map((leg) => leg.matrix);
-    const meshes = new LegMeshes(model, mounts, legs[0].isMirrored, colourOf, [this.materials.part, this.materials.shadow]);
+    const meshes = new LegMeshes(model, mounts, legs[0].isMirrored, partColour, [this.materials.part, this.materials.shadow]);
     legs.forEach((leg, number) => Object.assign(leg, { meshes, number }));
     for (const { mesh, shadow } of meshes.bodies) {
       this.robot.add(mesh);
@@ -321,6 +321,10 @@ class RobotScene {
 
 function sceneColour(name) {
   return new THREE.Color(themeColour(name));
+}
+
+function partColour({ body, isLink }) {
+  return sceneColour(isLink && body !== FIXED ? `body-${body % BODY_COLOURS}` : METAL);
 }
 
 function sceneMaterials() {

@@ -164,7 +164,20 @@ function geometryOf(columns) {
   return geometry;
 }
 
-/** Legs of one model that are mounted alike: an instanced mesh for each of its bodies. */
+/** Return the geometry of what does not move: the grounds of legs, each at its mount. */
+function groundGeometry(legs, colourOf) {
+  const columns = { position: [], normal: [], color: [] };
+  for (const { model, matrix, isMirrored } of legs) {
+    const parts = model ? model.parts.filter((part) => part.body === FIXED) : [];
+    const { attributes } = bodyGeometry(parts, colourOf, isMirrored).applyMatrix4(matrix);
+    for (const [name, column] of Object.entries(columns)) {
+      for (const value of attributes[name].array) column.push(value);
+    }
+  }
+  return geometryOf(columns);
+}
+
+/** Legs whose bodies are alike, and mounted alike: an instanced mesh for each body that moves. */
 class LegMeshes {
   constructor(model, mounts, isMirrored, colourOf, materials) {
     this.model = model;
@@ -172,6 +185,7 @@ class LegMeshes {
     this.bodies = [];
     const bodies = new Map();
     for (const part of model.parts) bodies.set(part.body, [...(bodies.get(part.body) || []), part]);
+    bodies.delete(FIXED);
     for (const [body, parts] of bodies) {
       const geometries = [bodyGeometry(parts, colourOf, isMirrored), shadowGeometry(parts)];
       const [mesh, shadow] = geometries.map((geometry, i) => {
