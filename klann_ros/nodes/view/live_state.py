@@ -10,6 +10,7 @@ from operator import attrgetter, itemgetter
 from time import monotonic
 from typing import Any
 
+from klann_ros.kinematics import NUMBERS
 from klann_ros.kinematics.angles import yaw_of
 from klann_ros.live import (
     Answer,
@@ -92,7 +93,9 @@ class LiveState(PageState):
         self._types = TypeCheck(node)
         self._calls = ServiceCalls(node)
         self._subscriptions = TopicSubscriptions(node, self.changed)
-        self._watch = SolverWatch(node, self._on_parameters, [REPLAYED_PARAMETER])
+        self._watch = SolverWatch(node, self._on_parameters, [REPLAYED_PARAMETER, 'slope'])
+        # Of all nodes that are read, by their names.
+        self._parameters: dict[str, dict[str, Any]] = {}
         self._walker_parts = WalkerParts()
         self._read_only = read_only
         self._drives = Drives(
@@ -202,10 +205,11 @@ class LiveState(PageState):
     # Callbacks in ROS's thread.
 
     def _on_parameters(self, parameters: SolverParameters) -> None:
+        self._parameters[parameters.node] = parameters.without_files
         text = parameters.parameters.get(REPLAYED_PARAMETER)
         if isinstance(text, str):
             self._replays[parameters.node] = replayed_solvers(text)
-        else:
+        elif parameters.parameters.keys() >= {*NUMBERS}:
             self._solvers = {**self._solvers, parameters.node: solver_of(parameters)}
         self._update_legs()
 
@@ -256,9 +260,9 @@ class LiveState(PageState):
         """Return the body and the floor of a solver's walker, and its parts as soon as made."""
         parameters: dict[str, Any] = {}
         # A simulation beside it knows its floor.
-        for neighbour in self._solvers.values():
-            if parent(neighbour.node) == parent(solver.node):
-                parameters |= neighbour.parameters
+        for node, node_parameters in self._parameters.items():
+            if parent(node) == parent(solver.node):
+                parameters |= node_parameters
         parts = self._walker_parts.of(solver.parameters) if solver.is_walker else None
         return {**walker_data({**parameters, **solver.parameters}), 'parts': parts}
 

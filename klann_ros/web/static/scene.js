@@ -24,7 +24,7 @@ const MAX_PATH = 2200;
 const LIGHT = [-0.35, -0.5, 1];
 const METAL = 'quiet';
 // The robot fits into a picture that is so much wider than high.
-const WIDE = 1.5;
+const WIDE = 1.7;
 // Of the feet in a simulation [m].
 const FOOT_RADIUS = 0.004;
 // The ground fades from here to there, in sizes of the robot behind it.
@@ -111,8 +111,8 @@ class RobotScene {
     const [paper, ink, quiet] = ['card', 'ink', 'quiet'].map(sceneColour);
     scene.background = paper;
     scene.fog = new THREE.Fog(paper);
-    materials.shadow.color.copy(ink).lerp(paper, 0.75);
-    materials.grid.color.copy(quiet).lerp(paper, 0.6);
+    materials.shadow.color.copy(ink).lerp(paper, 0.68);
+    materials.grid.color.copy(quiet).lerp(paper, 0.7);
     materials.path.color.copy(sceneColour('accent'));
     materials.body.color.copy(quiet);
   }
