@@ -37,7 +37,7 @@ vary: 10
 figures: {stride: maximize, lift: maximize, transmission_angle: {at_least: 0.3}}
 count: 3
 """
-OPTIONS = ['requirements.yaml', '-o', 'out', '--evaluations', '960']
+OPTIONS = ['requirements.yaml', '-o', 'out', '--evaluations', '480']
 
 
 @pytest.fixture
@@ -205,7 +205,7 @@ def test_ctrl_c_in_the_proof_ends_it(out: Path) -> None:
     _, error = process.communicate(timeout=300)
     assert process.returncode == 130
     assert 'Traceback' not in error
-    assert json.loads((out / 'search.json').read_text())['evaluations'] >= 960
+    assert json.loads((out / 'search.json').read_text())['evaluations'] >= 480
 
 
 def test_an_interrupted_search_without_a_leg_does_not_deny_that_there_is_one(

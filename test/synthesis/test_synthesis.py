@@ -177,7 +177,7 @@ def test_instant_centres_are_on_kennedys_lines_and_give_the_speed_ratio(task: Ta
 
 
 # Four hundred cranks are tried for each.
-@settings(max_examples=8)
+@settings(max_examples=3)
 @given(ratio=st.floats(1.02, 2.5), swing=st.floats(0.2, 2.4), rocker=st.floats(0.1, 10.0))
 def test_quick_returns_have_ratio_and_swing(ratio: float, swing: float, rocker: float) -> None:
     for geometry in quick_returns(ratio, swing, rocker):
