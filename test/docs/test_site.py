@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from importlib.util import find_spec
 import math
 from pathlib import Path
 import re
@@ -19,7 +20,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip('playwright')
-pytest.importorskip('furo')
+# To import it here would cost every worker a second.
+if find_spec('furo') is None:
+    pytest.skip('no furo: pip install furo', allow_module_level=True)
 if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
 
