@@ -1,7 +1,7 @@
 """`export`: a robot as MJCF and URDF, its plates for a cutter, and its parts for a printer."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import chain
 from os.path import lexists
@@ -19,7 +19,7 @@ from klann_ros.cli import (
     save_folder,
     UsageError,
 )
-from klann_ros.robot import Robot, robot_from_text, robot_of, RobotFileError, SEPARATORS
+from klann_ros.robot import Robot, robot_of, RobotFileError, SEPARATORS
 from klann_ros.sanitize.text import counted, printable, printable_line
 from klann_ros.sanitize.yaml_text import parse
 from klann_ros.twin import robot_mjcf
@@ -27,7 +27,7 @@ from klann_ros.twin import robot_mjcf
 from .assembly import assembly, spacers
 from .drawing import drawing, dxf, NoEzdxfError, svg
 from .frame import placed_legs
-from .parts import CLEARANCE, distinct_parts, PartSizes, PlacedLeg
+from .parts import CLEARANCE, distinct_parts, PlacedLeg
 from .plates import ExportError, slot_conflict
 from .ros2_control import ros2_control_files
 from .solids import glb, NoSolidsError, stl_files, three_mf
@@ -104,7 +104,8 @@ def _contents(
     folders: dict[str, dict[str, bytes]] = {}
     if options.mjcf is not None:
         contents['--mjcf'] = robot_mjcf(robot).encode()
-        _print_masses(robot)
+        for origin in dict.fromkeys(leg.masses.origin for leg in robot.legs if leg.masses):
+            print(f'masses: {origin}')
     if options.urdf is not None:
         separator = options.joint_separator
         contents['--urdf'] = urdf(robot, joint_separator=separator).encode()
@@ -115,13 +116,8 @@ def _contents(
         folders['--ros2-control'] = ros2_control_files(options.file, robot)
     if any(getattr(options, name) is not None for name in (*PLATES, WEIGHED)):
         settings = _part_settings(robot, options)
-        sizes = part_sizes(settings)
-        legs = placed_legs(robot, sizes, options.scale)
-        contents |= _plates(legs, sizes, options)
-        if options.weighed is not None:
-            text = weighed_file(options.file, legs, settings)
-            _print_masses(robot_from_text(text, options.file))
-            contents[f'--{WEIGHED}'] = text.encode()
+        legs = placed_legs(robot, part_sizes(settings), options.scale)
+        contents |= _plates(legs, settings, options)
         if options.glb is not None:
             contents['--glb'] = glb(legs)
         if options.stl is not None:
@@ -143,9 +139,10 @@ def _part_settings(robot: Robot, options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _plates(
-    legs: Sequence[PlacedLeg], sizes: PartSizes, options: argparse.Namespace
+    legs: Sequence[PlacedLeg], settings: Mapping[str, Any], options: argparse.Namespace
 ) -> dict[str, bytes]:
     """Return the content of each file of parts, by its option; print their numbers."""
+    sizes = part_sizes(settings)
     stacks = [*{leg.leg.linkage: leg.stack for leg in legs}.values()]
     robot_plates = [*chain.from_iterable(stack.plates for stack in stacks)]
     for plate in robot_plates:
@@ -158,6 +155,8 @@ def _plates(
         contents['--svg'] = svg(sheet, filled=options.cad).encode()
     if options.dxf is not None:
         contents['--dxf'] = dxf(sheet, exploded=options.cad)
+    if options.weighed is not None:
+        contents[f'--{WEIGHED}'] = weighed_file(options.file, legs, settings).encode()
     if options.assembly is not None:
         page = assembly(stacks, thickness=sizes.thickness, washer=sizes.washer)
         contents['--assembly'] = page.encode()
@@ -174,13 +173,6 @@ def _plates(
             problem = f'the pin {name} must be a stub: {crossing} passes through it'
             print(f'export: no arrangement leaves all pins whole; {problem}', file=sys.stderr)
     return contents
-
-
-def _print_masses(robot: Robot) -> None:
-    """Print the masses of legs, and their origins."""
-    masses = [leg.masses for leg in robot.legs if leg.masses]
-    for total, origin in dict.fromkeys((mass.total, mass.origin) for mass in masses):
-        print(f'masses: {total:.4g} kg a leg, {origin}')
 
 
 _positive = number_type(lambda n: 0.0 < n < 1e6, 'a number > 0 (and < 1e6)')

@@ -24,8 +24,6 @@ from .travel import travel
 URDF_HEADER = '<?xml version="1.0" encoding="utf-8"?>\n'
 PIN, FRAME = 'klann_pin', 'klann_frame'
 LINK_COLOURS = {PIN: '0.15 0.15 0.15 1', FRAME: '0.45 0.45 0.48 1'}
-# The link with the mass of the body.
-BODY = 'base_inertia'
 # Width of bars, as a part of the longest; length of sliders in widths; drawn layers of bars.
 BAR_WIDTH, SLIDER_LENGTH, LAYERS = 0.05, 1.6, 4
 # Radius of a joint's pin in widths.
@@ -80,13 +78,6 @@ def urdf(
     for name, colour in materials.items():
         SubElement(SubElement(root, 'material', name=name), 'color', rgba=colour)
     SubElement(root, 'link', name=base_frame)
-    if robot.body:
-        # Not in base_frame: KDL, in robot_state_publisher, takes no mass of the root.
-        body = SubElement(root, 'link', name=frame_prefix + BODY)
-        _add_inertial(body, robot.body.mass, robot.body.centre, robot.body.inertia)
-        joint = SubElement(root, 'joint', name=_new(BODY, joints), type='fixed')
-        SubElement(joint, 'parent', link=base_frame)
-        SubElement(joint, 'child', link=frame_prefix + BODY)
     for leg in robot.legs:
         writer = _LegWriter(root, leg, frame_prefix + leg.prefix, joint_separator, joints)
         writer.write(base_frame, frame_id)
@@ -244,9 +235,13 @@ class _LegWriter:
         """Write the mass of a body into its first link, whose frame is the body's."""
         if self._leg.masses and self._leg.masses.bodies[j].mass:
             mass, centre, inertia = self._leg.masses.bodies[j]
+            inertial = SubElement(link, 'inertial')
+            SubElement(inertial, 'origin', xyz=_numbers((centre.real, centre.imag, 0.0)))
+            SubElement(inertial, 'mass', value=_number(mass))
             # A plate: the moments about the axes in its plane add up to the one about its normal.
-            moments = inertia / 2.0, inertia / 2.0, inertia
-            _add_inertial(link, mass, (centre.real, centre.imag, 0.0), moments)
+            half = _number(inertia / 2.0)
+            moments = {'ixx': half, 'iyy': half, 'izz': _number(inertia)}
+            SubElement(inertial, 'inertia', moments, ixy='0', ixz='0', iyz='0')
 
     def _ground(self, plane: Element) -> None:
         pivots = list(map(complex, self._linkage.pivots))
@@ -281,14 +276,6 @@ class _LegWriter:
         xyz = centre.real, centre.imag, layer * self._width / 2.0
         SubElement(visual, 'origin', xyz=_numbers(xyz), rpy=_numbers((0.0, 0.0, turn)))
         return visual
-
-
-def _add_inertial(link: Element, mass: float, centre: Triple, moments: Triple) -> None:
-    inertial = SubElement(link, 'inertial')
-    SubElement(inertial, 'origin', xyz=_numbers(centre))
-    SubElement(inertial, 'mass', value=_number(mass))
-    tensor = dict(zip(('ixx', 'iyy', 'izz'), map(_number, moments), strict=True))
-    SubElement(inertial, 'inertia', tensor, ixy='0', ixz='0', iyz='0')
 
 
 def _name(start: str, end: str) -> str:

@@ -19,15 +19,15 @@ from klann_ros.kinematics import (
     NUMBER_DIGITS,
     SHIPPED,
 )
-from klann_ros.robot import LEG_PARAMETERS, Robot, robot_from_text, RobotLeg
+from klann_ros.robot import LEG_PARAMETERS, Robot, robot_from_text, RobotLeg, solver_parameters
 from klann_ros.sanitize.files import is_regular_file
 from klann_ros.sanitize.text import did_you_mean
 from klann_ros.sanitize.units import warn_of_lengths
-from klann_ros.sanitize.yaml_text import dump, parse, parse_file
+from klann_ros.sanitize.yaml_text import dump, parameter_file, parse, parse_file
 import numpy as np
 
 from .frame import placed_legs
-from .outline import Outline, polyline
+from .outline import polyline
 from .parts import Part, PartSizes, PlacedLeg, Prism
 from .plates import ExportError
 
@@ -49,12 +49,7 @@ _REPLACED = {*LEG_PARAMETERS, 'bar_density'}
 
 
 class Material(NamedTuple):
-    """
-    A material of a density [kg/m^3].
-
-    `infill` is the filled part of the space inside of walls, bottom and top, of a thickness `wall`
-    [m].
-    """
+    """A material [kg/m^3]; `infill` is the filled part of the space inside of its walls [m]."""
 
     name: str
     density: float
@@ -72,15 +67,12 @@ class Material(NamedTuple):
         """Return the volume inside of the walls of a prism [m^3], by Steiner's formula."""
         height = prism.high - prism.low
         curves = (*prism.outlines, *prism.cuts)
-        area = prism.moments[0].real / height - self.wall * sum(map(_perimeter, curves))
         # All curves but the outer one have the material outside.
-        area += pi * self.wall**2 * (2 - len(curves))
+        area = prism.moments[0].real / height + pi * self.wall**2 * (2 - len(curves))
+        for curve in curves:
+            points = np.array([*polyline(curve, CHORD_TOLERANCE)])
+            area -= self.wall * abs(points - np.roll(points, 1)).sum()
         return max(0.0, height - 2.0 * self.wall) * max(0.0, float(area))
-
-
-def _perimeter(curve: Outline) -> float:
-    points = np.array([*polyline(curve, CHORD_TOLERANCE)])
-    return float(abs(points - np.roll(points, 1)).sum())
 
 
 def part_settings(
@@ -91,9 +83,7 @@ def part_settings(
     for leg in legs:
         content = parse(leg.description) if leg.description else {}
         if 'parts' in content:
-            settings = _converted(
-                content['parts'], LENGTH_UNITS[content.get('units', {}).get('length', 'm')]
-            )
+            settings = _converted(content['parts'], _metre(content))
             break
     settings |= _converted(changes, unit)
     sizes = {f'parts.{name}': settings[name] for name in LENGTHS if name in settings}
@@ -103,16 +93,19 @@ def part_settings(
     return settings
 
 
+def _metre(content: Mapping[str, Any]) -> float:
+    return LENGTH_UNITS[content.get('units', {}).get('length', 'm')]
+
+
 def _converted(settings: Mapping[str, Any], unit: float) -> dict[str, Any]:
     """Return settings of parts with lengths in another unit, rounded as numbers of files."""
-
-    def scaled(length: float) -> float:
-        return round(unit * length, NUMBER_DIGITS)
-
-    lengths = {name: scaled(settings[name]) for name in LENGTHS if name in settings}
-    holes = {joint: scaled(hole) for joint, hole in settings.get('holes', {}).items()}
-    converted = {**settings, **lengths, 'holes': holes}
-    return {name: setting for name, setting in converted.items() if setting != {}}
+    converted = dict(settings)
+    for name in {*LENGTHS} & settings.keys():
+        converted[name] = round(unit * settings[name], NUMBER_DIGITS)
+    holes = {}
+    for joint, hole in converted.pop('holes', {}).items():
+        holes[joint] = round(unit * hole, NUMBER_DIGITS)
+    return converted | ({'holes': holes} if holes else {})
 
 
 def part_sizes(settings: Mapping[str, Any]) -> PartSizes:
@@ -159,7 +152,7 @@ def _description(placed: PlacedLeg, settings: Mapping[str, Any]) -> str:
     for part in placed.parts:
         mass = (pins if part.role.is_hardware else material).mass(part)
         masses[part.body] = masses.get(part.body, BodyMass()).plus(mass)
-    metre = LENGTH_UNITS[content.get('units', {}).get('length', 'm')]
+    metre = _metre(content)
     content.pop('density', None)
     sizes = {**asdict(part_sizes(settings)), 'width': placed.stack.plates[0].width}
     content['parts'] = _converted({**settings, **sizes}, 1.0 / metre)
@@ -182,39 +175,21 @@ def weighed_file(file: str, legs: Sequence[PlacedLeg], settings: Mapping[str, An
     """
     Return the file of a robot with the masses of its parts; settings have lengths in [m].
 
-    A linkage stays a linkage. A parameter file has the linkages of its legs in it, for all nodes.
-    An ExportError says that a material is missing or unknown.
+    A linkage stays a linkage. A parameter file has the parameters of solver_node, for all nodes,
+    with the linkages of its legs in it. An ExportError says that a material is missing.
     """
-    descriptions: dict[tuple[Any, str], str] = {}
-    parameters: dict[str, str] = {}
+    parameters = {}
     for placed in legs:
-        key = placed.leg.linkage, placed.leg.description
-        if key not in descriptions:
-            descriptions[key] = _description(placed, settings)
-        parameters[f'{placed.leg.name}.{DESCRIPTION}'.lstrip('.')] = descriptions[key]
+        parameters[f'{placed.leg.name}.{DESCRIPTION}'.lstrip('.')] = _description(placed, settings)
     document = parse_file(file) if is_regular_file(file) else None
     if document is None or is_linkage(document):
         return parameters[DESCRIPTION]
-    if len(descriptions) == 1:
+    if len({*parameters.values()}) == 1:
         parameters = {DESCRIPTION: parameters.popitem()[1]}
-    document = _without_geometry(document)
-    if 'ros__parameters:' in dump(document):
-        section = document.get('/**')
-        common = section.get('ros__parameters') if isinstance(section, Mapping) else None
-        document['/**'] = {'ros__parameters': {**(common or {}), **parameters}}
-        return dump(document) + '\n'
-    return dump(document | parameters) + '\n'
-
-
-def _without_geometry(parameters: Any) -> Any:
-    """Return nested parameters without those that a weighed linkage replaces."""
-    if not isinstance(parameters, Mapping):
-        return parameters
-    rest = {}
-    for name, parameter in parameters.items():
-        if str(name).rpartition('.')[2] not in _REPLACED:
-            rest[name] = _without_geometry(parameter)
-    return rest
+    kept = solver_parameters(document)
+    for name in [name for name in kept if name.rpartition('.')[2] in _REPLACED]:
+        del kept[name]
+    return parameter_file({'/**': kept | parameters})
 
 
 def weighed(file: str, robot: Robot) -> Robot:
