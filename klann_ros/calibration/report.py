@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from math import degrees
 from typing import Any, NamedTuple
 
-from klann_ros.sanitize.text import counted, finite, printable
+from klann_ros.sanitize.text import counted, decimal, finite, printable
 import numpy as np
 
 from .fit import Calibration, MAX_MISFIT, SeriesFit
@@ -74,12 +74,11 @@ def table(calibration: Calibration) -> list[ParameterLine]:
     lines = []
     for n, name in enumerate(model.names):
         factor, unit = SCALES[model.si_units[n]]
-        # No number is -0.
-        drawn = f'{round(factor * model.start[n], 3) + 0.0:.3f}'
+        drawn = decimal(factor * model.start[n], '.3f')
         built = 'unknown'
         error = ''
         if np.isfinite(calibration.standard_errors[n]):
-            built = f'{round(factor * calibration.values[n], 3) + 0.0:.3f}'
+            built = decimal(factor * calibration.values[n], '.3f')
             error = f'+-{factor * calibration.standard_errors[n]:.2g}'
         lines.append(ParameterLine(name, drawn, built, error, unit))
     return lines

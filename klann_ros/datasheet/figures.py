@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from klann_ros.dynamics import Masses, TurnOfForces
 from klann_ros.kinematics.angles import TURN
-from klann_ros.sanitize.text import counted, printable
+from klann_ros.sanitize.text import counted, decimal, printable
 
 from .sheet import cases, CrankSheet, DataSheet, Extreme, LegSheet
 
@@ -53,7 +53,7 @@ def number_text(quantity: float, digits: int = 4) -> str:
 
 def degrees_text(radians: float, digits: int = 1) -> str:
     """Return an angle in degrees."""
-    return f'{degrees(radians):.{digits}f}' if isfinite(radians) else UNKNOWN_VALUE
+    return decimal(degrees(radians), f'.{digits}f') if isfinite(radians) else UNKNOWN_VALUE
 
 
 def mm_text(metres: float) -> str:

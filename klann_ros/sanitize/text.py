@@ -55,6 +55,17 @@ def number_range(numbers: Iterable[float], form: str) -> str:
     return ' to '.join(dict.fromkeys(ends))
 
 
+def decimal(number: float, form: str) -> str:
+    """
+    Return a number in a format, and 0 without a sign.
+
+    >>> decimal(-0.04, '.1f'), decimal(-0.05, '.2f')
+    ('0.0', '-0.05')
+    """
+    text = format(number, form)
+    return text if text.strip('-0.') else text.removeprefix('-')
+
+
 def printable_line(text: object) -> str:
     """
     Return a whole message, which may contain untrusted texts, as one printable line.

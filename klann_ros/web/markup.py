@@ -6,7 +6,7 @@ from itertools import starmap
 from math import isnan
 import re
 
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import decimal, printable
 
 # Longer texts are cut.
 _MAX_TEXT = 20_000
@@ -24,7 +24,7 @@ class Markup(str):
 
 def number(value: float | None, form: str) -> str:
     """Return a number in a format; a dash for an unknown one, None or NaN."""
-    return _UNKNOWN if value is None or isnan(value) else format(value, form)
+    return _UNKNOWN if value is None or isnan(value) else decimal(value, form)
 
 
 def element(name: str, *content: str, **attributes: str | float | bool) -> Markup:

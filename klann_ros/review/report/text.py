@@ -7,7 +7,7 @@ from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.review import Finding, located, Review, ReviewedLeg, Severity
 from klann_ros.review.model.topics import LOWER_BOUND_MARK, LOWER_BOUND_REASON, TopicFigures
 from klann_ros.review.model.walks import WalkFigures
-from klann_ros.sanitize.text import counted, printable, printable_line
+from klann_ros.sanitize.text import counted, decimal, printable, printable_line
 
 # Gives a text a colour (SGR code), or leaves it as it is.
 _Paint = Callable[[str, str], str]
@@ -147,7 +147,7 @@ def _painted(text: str, code: str) -> str:
 
 
 def _number(value: float, width: int, digits: int) -> str:
-    text = '-' if isnan(value) else f'{value:.{digits}f}'
+    text = '-' if isnan(value) else decimal(value, f'.{digits}f')
     return f'{text if len(text) <= width else format(value, ".1e"):>{width}}'
 
 
