@@ -230,6 +230,11 @@ function turningText(track) {
   return Math.abs(speed) < 0.05 ? 'at rest' : `${fixedText(speed, 1)}°/s`;
 }
 
+/** Return a velocity [m/s], [rad/s] in the page's units. */
+function motionText(forward, turn) {
+  return `${fixedText(forward, 2)} m/s, ${fixedText(degrees(turn), 0)}°/s`;
+}
+
 class WalkDrive extends Drive {
   constructor(live) {
     super(live, 'walk', 'walk-take', 'walk-state');
@@ -267,8 +272,7 @@ class WalkDrive extends Drive {
       button.classList.toggle('down', held.includes(String(button.dataset.walk.split(',').map(Number))));
     }
     const [forward, turn] = this.command();
-    const shown = [forward * 1000, degrees(turn)].map((value) => fixedText(value, 0));
-    const text = this.isMine ? `Commanded: ${shown[0]} mm/s, ${shown[1]}°/s` : '';
+    const text = this.isMine ? motionText(forward, turn) : 'none';
     if (byId('walk-command').textContent !== text) byId('walk-command').textContent = text;
   }
 

@@ -230,7 +230,8 @@ class Live {
     const isRead = now - this.read >= READ_PERIOD;
     if (isRead) this.read = now;
     if (isRead) for (const { leg, picture } of this.tiles) picture.show(this.trackOf(leg));
-    this.ground.move(this.odomOf(poses.odom || {}));
+    const odom = this.odomOf(poses.odom || {});
+    this.ground.move(odom);
     this.truth.move(this.odomOf(poses.truth || {}));
     if (this.stage.isInSpace || isRead || this.legs.length <= MANY_LEGS) this.stage.show();
     if (!this.leg) return;
@@ -241,6 +242,7 @@ class Live {
     this.crank.follow();
     this.caption(track);
     byId('odometry').textContent = this.ground.text;
+    byId('walking').textContent = odom ? motionText(odom[3], odom[4]) : '–';
   }
 
   /** Return the odometry in the namespace of the shown walker, or the only one. */

@@ -34,7 +34,7 @@ function diagnosis(group) {
   mark.setAttribute('aria-label', status.level);
   const own = status.meaning && status.level !== 'ok' ? make('em', '', inPageUnits(status.text)) : '';
   const figures = Object.entries(status.figures)
-    .filter(([, value]) => value && value !== 'nan')
+    .filter(([, value]) => !['', '0', 'nan'].includes(value))
     .map(([key, value]) => `${key} ${figureText(key, value)}`);
   const text = make(
     'div',
@@ -64,6 +64,7 @@ function groupName(group) {
 }
 
 function showTopics(body, topics) {
+  const heads = [...body.parentNode.querySelectorAll('thead th')].map((head) => head.textContent);
   const rows = topics.map((topic) => {
     const head = make('th', '', topic.name);
     head.scope = 'row';
@@ -71,7 +72,9 @@ function showTopics(body, topics) {
     const rate = topic.silence === null ? topic.rate.toFixed(1) : silence;
     const lost = topic.lost === null ? 'unknown' : String(topic.lost);
     const cells = [rate, lost, String(topic.publishers), topic.type];
-    return make('tr', '', head, ...cells.map((text) => make('td', '', text)));
+    const row = make('tr', '', head, ...cells.map((text) => make('td', '', text)));
+    [...row.children].forEach((cell, i) => (cell.dataset.head = heads[i]));
+    return row;
   });
   body.replaceChildren(...rows);
 }
@@ -85,10 +88,10 @@ class MachineCard {
     this.text = make('p', '');
     this.reply = make('p', 'quiet');
     this.reply.setAttribute('role', 'status');
-    const buttons = machine.services.map((name) => {
+    this.buttons = machine.services.map((name) => {
       const button = make('button', '', SERVICE_LABELS[name] || name);
       button.type = 'button';
-      button.disabled = !live.mayDrive;
+      button.name = name;
       button.addEventListener('click', () => this.request({ command: 'call', name }));
       return button;
     });
@@ -97,7 +100,7 @@ class MachineCard {
       'card',
       make('h3', '', `${title} ${machine.node}`),
       this.text,
-      make('div', 'buttons', ...buttons),
+      make('div', 'buttons', ...this.buttons),
       this.reply,
     );
     if (machine.kind === 'player') this.card.insertBefore(this.seek(machine), this.reply);
@@ -119,6 +122,9 @@ class MachineCard {
   }
 
   update(machine) {
+    // A player does not report whether it is paused.
+    const useless = { true: 'pause', false: 'resume' }[machine.paused];
+    for (const button of this.buttons) button.disabled = !this.live.mayDrive || button.name === useless;
     if (machine.kind === 'recorder') {
       const counts = 'written' in machine
         ? `${machine.written.toLocaleString('en')} messages written, ${machine.lost.toLocaleString('en')} lost`

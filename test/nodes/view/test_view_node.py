@@ -378,6 +378,7 @@ def test_axe_finds_no_barrier(moving: Live, scheme: str, width: int) -> None:
     violations = axe.Axe().run(moving.page, options=ALL_RULES).response['violations']
     assert [violation['id'] for violation in violations] == []
     assert moving.page.evaluate('document.documentElement.scrollWidth <= innerWidth')
+    assert moving.page.eval_on_selector('.scrolls', 'node => node.scrollWidth <= node.clientWidth')
 
 
 def test_read_only_drives_nothing_and_ends_orderly_with_open_pages(
