@@ -27,7 +27,7 @@ from klann_ros.twin import robot_mjcf
 from .assembly import assembly, spacers
 from .drawing import drawing, dxf, NoEzdxfError, svg
 from .frame import placed_legs
-from .parts import CLEARANCE, distinct_parts, PlacedLeg
+from .parts import CLEARANCE, distinct_parts, Part, PlacedLeg
 from .plates import ExportError, slot_conflict
 from .ros2_control import ros2_control_files
 from .solids import glb, NoSolidsError, stl_files, three_mf
@@ -120,12 +120,22 @@ def _contents(
         contents |= _plates(legs, settings, options)
         if options.glb is not None:
             contents['--glb'] = glb(legs)
+        parts = _printed_parts(legs, settings)
         if options.stl is not None:
-            folders['--stl'] = stl_files(distinct_parts(legs))
+            folders['--stl'] = stl_files(parts)
         if getattr(options, '3mf') is not None:
-            contents['--3mf'], bed_count = three_mf(distinct_parts(legs), options.bed)
+            contents['--3mf'], bed_count = three_mf(parts, options.bed)
             print(f'{counted(bed_count, "bed")} of {options.bed.real:g} x {options.bed.imag:g} mm')
     return contents, folders
+
+
+def _printed_parts(legs: Sequence[PlacedLeg], settings: Mapping[str, Any]) -> Sequence[Part]:
+    """Return the parts of legs, without pins of another material, which are bought."""
+    parts = distinct_parts(legs)
+    material = settings.get('material')
+    if settings.get('pins', material) == material:
+        return parts
+    return [part for part in parts if not part.role.is_hardware]
 
 
 def _part_settings(robot: Robot, options: argparse.Namespace) -> dict[str, Any]:

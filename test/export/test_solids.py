@@ -11,6 +11,7 @@ from klann_ros.export import Part, PartSizes, placed_legs, PlacedLeg
 from klann_ros.export.command import main
 from klann_ros.export.parts import distinct_parts
 from klann_ros.export.solids import glb, printed_parts, solid, stl_files, three_mf
+from klann_ros.kinematics import SHIPPED
 from klann_ros.robot import robot_from_file, robot_of
 from manifold3d import Manifold, Mesh, OpType
 import numpy as np
@@ -177,3 +178,12 @@ def test_a_part_larger_than_the_bed_is_refused(
 def test_without_the_extra_a_line_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'manifold3d', None)
     assert main(['klann', '--scale', '0.2', '--glb', '/dev/null']) == 3
+
+
+def test_pins_of_another_material_are_bought_and_not_printed(tmp_path: Path) -> None:
+    file = tmp_path / 'leg.yaml'
+    linkage = (SHIPPED / 'klann.yaml').read_text().replace('density: 1 ', '# ')
+    file.write_text(linkage + 'parts: {material: PLA, pins: steel}\n')
+    assert main([str(file), '--scale', '0.25', '--stl', str(tmp_path / 'parts')]) == 0
+    uses = {path.name.partition('_')[0] for path in (tmp_path / 'parts').iterdir()}
+    assert uses == {'frame', 'crank', 'link', 'spacer'}
