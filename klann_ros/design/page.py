@@ -1,31 +1,37 @@
 """The result of a search as one HTML page: the legs, their aims, and chosen legs side by side."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from klann_ros.export import ExportError, scene_parts
 from klann_ros.kinematics import foot_path, linkage_poses, LinkageLeg
 from klann_ros.kinematics.angles import TURN
+from klann_ros.robot import robot_from_text
 from klann_ros.sanitize.text import counted, finite
 from klann_ros.web import element, FRAME, leg_shape, Markup, Parts, SHARED
 import numpy as np
 
 from .figures import crank_angles, FIGURES
-from .leg_file import DEFAULT_LEGS
+from .leg_file import parameter_text
 from .proof import FoundLeg
 from .report import next_commands
-from .requirements import Requirements
+from .requirements import Aim, Requirements
 from .search import SearchResult
 from .titles import aims_text, figure_aims, leg_titles
 
 _STATIC = Path(__file__).resolve().parent / 'static'
 _SHARED_STYLES = (SHARED / f'{name}.css' for name in ('drawing', 'tables', 'sortable'))
 _SHARED_SCRIPTS = (SHARED / f'{name}.js' for name in ('theme', 'drawing', 'sortable'))
-_SCRIPTS = (_STATIC / f'{name}.js' for name in ('scatter', 'compare', 'design'))
+_SCRIPTS = (_STATIC / f'{name}.js' for name in ('scatter', 'walker', 'compare', 'design'))
 PAGE_PARTS = Parts(
     styles=(*FRAME, *_SHARED_STYLES, _STATIC / 'design.css'), scripts=(*_SHARED_SCRIPTS, *_SCRIPTS)
 )
+_SCENE = (SHARED / f'{name}.js' for name in ('three/three.min', 'solids', 'orbit', 'scene'))
+WALKER_PARTS = replace(PAGE_PARTS, scripts=(*_SCENE, *PAGE_PARTS.scripts))
 # Poses of a leg's animation.
 ANIMATION_POSES = 120
 # Two groups of legs that take turns are always on the ground from this duty factor on.
@@ -40,7 +46,7 @@ def page(search_result: SearchResult, leg_names: Sequence[str]) -> str:
     title = f'{"Legs that fulfil" if search_legs else "No leg fulfils"} the requirements'
     about = element('p', f'{count}. {aims_text(requirements)}.')
     header = element('header', element('div', element('h1', title), about))
-    notes = [*search_result.reasons, *_warnings(requirements, search_legs)]
+    notes = search_result.reasons or _warnings(requirements, search_legs)
     items = [element('li', note, class_='warning') for note in notes]
     findings = element('section', element('ul', *items, class_='findings')) if items else Markup()
     if not search_legs:
@@ -48,22 +54,23 @@ def page(search_result: SearchResult, leg_names: Sequence[str]) -> str:
     titles = leg_titles(requirements, search_legs)
     aims = figure_aims(requirements)
     units = requirements.units
-    figures: list[dict[str, Any]] = []
+    figures = []
     for name in dict.fromkeys((*aims, *FIGURES)):
         kind = FIGURES[name]
+        aim = aims.get(name, Aim(name, ''))._asdict()
         unit = {'unit': units.name(kind.unit), 'size': units.size(kind.unit)}
-        figures.append({'name': name, 'text': kind.text, **unit})
-        if aim := aims.get(name):
-            figures[-1] |= {'sense': aim.sense, 'near': aim.value}
+        figures.append({'name': name, 'text': kind.text, **aim, **unit})
     target = requirements.target
     legs = [*map(partial(_leg_data, requirements), search_legs, leg_names, titles)]
     data = {
         'figures': figures,
         'aimCount': len(requirements.aims),
+        'speed': requirements.speed,
         'legs': legs,
         'target': target and np.stack([target.points.real, target.points.imag], axis=1).tolist(),
     }
-    return PAGE_PARTS.page(
+    parts = PAGE_PARTS if requirements.walker is None else WALKER_PARTS
+    return parts.page(
         title,
         header,
         findings,
@@ -76,23 +83,17 @@ def page(search_result: SearchResult, leg_names: Sequence[str]) -> str:
 
 def _warnings(requirements: Requirements, legs: Sequence[FoundLeg]) -> list[str]:
     """Return what the figures mean for walkers whose legs stand for a short part of a turn."""
-    duty_factors = [leg.reached.get('duty_factor', 1.0) for leg in legs]
-    short_count = sum(factor < GAPLESS_DUTY_FACTOR for factor in duty_factors)
-    walker = requirements.walker
-    is_for_walking = walker or not {'stride', 'ground_covered'}.isdisjoint(requirements.figures)
-    if not short_count or not is_for_walking:
+    short = [leg for leg in legs if leg.reached.get('duty_factor', 1.0) < GAPLESS_DUTY_FACTOR]
+    is_for_walking = not {'stride', 'ground_covered'}.isdisjoint(requirements.figures)
+    if not short or not (is_for_walking or requirements.walker):
         return []
-    text = (
-        f'On the ground for less than half a turn: {short_count} of {counted(len(legs), "leg")}. '
-        'A step walks ground covered, not stride. '
-    )
-    if walker is None:
-        return [f'{text}Between the stances of two groups nobody carries.']
-    falling = sum(leg.reached.get('static_margin', 0.0) < 0.0 for leg in legs)
-    walkers = f'walkers with {walker.get("legs", DEFAULT_LEGS)} legs'
-    if falling:
-        return [f'{text}{falling} of {len(legs)} {walkers} tip over in between.']
-    return [f'{text}The {walkers} stand, on sliding feet.']
+    effect = 'between the stances of two groups nobody carries'
+    if requirements.walker is not None:
+        falling = sum(leg.reached.get('static_margin', 0.0) < 0.0 for leg in legs)
+        effect = f'{falling} of {counted(len(legs), "walker")} tip over in between'
+    count = f'{len(short)} of {counted(len(legs), "leg")}'
+    text = f'On the ground for less than half a turn: {count}; {effect}. '
+    return [f'{text}A step walks ground covered, not stride.']
 
 
 def _leg_data(requirements: Requirements, leg: FoundLeg, name: str, title: str) -> dict[str, Any]:
@@ -114,5 +115,12 @@ def _leg_data(requirements: Requirements, leg: FoundLeg, name: str, title: str) 
         'expected': finite(leg.expected),
         'margins': finite(leg.margins),
         'commands': next_commands(requirements, leg, name, Path()),
-        'walker': leg.walker is not None,
+        'walker': leg.walker and {**leg.walker, 'parts': _walker_parts(leg.walker)},
     }
+
+
+def _walker_parts(walker: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the parts of a walker for the scene; None where they have no layers."""
+    with suppress(ExportError):
+        return scene_parts(robot_from_text(parameter_text(walker), 'the walker'))
+    return None

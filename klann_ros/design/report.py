@@ -32,26 +32,25 @@ def next_commands(
     requirements: Requirements, leg: FoundLeg, name: str, folder: Path
 ) -> list[tuple[str, str]]:
     """Return what comes after a choice, and its command in a shell; each runs as it stands."""
+
+    def path(ending: str) -> str:
+        return printable(shlex.quote(f'{folder / name}{ending}'))
+
     # A motor turns all legs of its walker, and its parts are counted.
-    file, sheet, solids, plates, assembly, control = (
-        printable(shlex.quote(str(folder / f'{name}{ending}')))
-        for ending in (
-            *('.yaml' if leg.walker is None else '_walker.yaml', '.html', '.3mf', '.svg'),
-            *('_assembly.svg', '_ros2_control'),
-        )
-    )
-    options = f'{file} --speed {requirements.speed:.6g}'
+    file = path('.yaml' if leg.walker is None else '_walker.yaml')
+    options = f'--speed {requirements.speed:.6g}'
     if requirements.load:
         options += f' --load {requirements.load:g}'
     if requirements.motor is not None:
         options += f' --motor {printable(shlex.quote(requirements.motor_file))}'
+    plates = f'--svg {path(".svg")} --assembly {path("_assembly.svg")}'
     commands = [
-        ('Data sheet', f'describe {options} --html {sheet}'),
-        ('Parts', f'env export {file} --3mf {solids} --svg {plates} --assembly {assembly}'),
+        ('Data sheet', f'describe {file} {options} --html {path(".html")}'),
+        ('Parts', f'env export {file} --3mf {path(".3mf")} {plates}'),
     ]
     if leg.walker is not None:
-        commands.append(('Simulated walker', WALK.format(file)))
-        commands.append(('For ros2_control', f'env export {file} --ros2-control {control}'))
+        control = f'env export {file} --ros2-control {path("_ros2_control")}'
+        commands += [('Simulated walker', WALK.format(file)), ('For ros2_control', control)]
     return commands
 
 

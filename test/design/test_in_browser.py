@@ -9,6 +9,7 @@ from browser import find
 from browser_page import OpenedPage
 from hostile_leg import LINKAGE
 from klann_ros.design import requirements_from, search, SearchResult
+from klann_ros.design.leg_file import walker_parameters
 from klann_ros.design.page import page
 import pytest
 
@@ -18,7 +19,7 @@ pytest.importorskip('playwright')
 if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
 
-ALL = ('legs', 'none', 'hostile')
+ALL = ('legs', 'none', 'hostile', 'walkers')
 FIGURES = dict.fromkeys(('stride', 'lift', 'transmission_angle', 'duty_factor'), 'maximize')
 
 
@@ -39,8 +40,16 @@ def pages(design: SearchResult, tmp_path_factory: pytest.TempPathFactory) -> dic
         requirements_from({'linkage': str(file), 'vary': 1, 'count': 2}), evaluations=480
     )
     without_legs = replace(design, legs=(), reasons=('stride is 1 m <b>short</b>',))
+    walkers = []
+    for leg in design.legs[:2]:
+        walker = walker_parameters(leg.leg, {'legs': 8})
+        walkers.append(replace(leg, walker=walker, reached={**leg.reached, 'speed': 0.1}))
+    with_walkers = replace(
+        design, legs=tuple(walkers), requirements=replace(design.requirements, walker={})
+    )
     paths = {name: folder / f'{name}.html' for name in ALL}
-    for path, shown in zip(paths.values(), (design, without_legs, hostile), strict=True):
+    results = (design, without_legs, hostile, with_walkers)
+    for path, shown in zip(paths.values(), results, strict=True):
         path.write_text(
             page(shown, [f'leg_{n:03d}' for n in range(1, len(shown.legs) + 1)]), encoding='utf-8'
         )
@@ -120,3 +129,21 @@ def test_a_command_is_copied_or_selected(visit: Visit) -> None:
     row.locator('button').click()
     opened.until("document.querySelector('.command [role=status]:not(:empty)') !== null")
     assert row.locator('[role=status]').text_content() in {'Copied', 'Selected: press Ctrl-C'}
+
+
+def test_a_walker_is_shown_in_three_dimensions_where_there_is_one(
+    visit: Visit, pages: dict[str, Path]
+) -> None:
+    opened = visit('walkers', reduced_motion='reduce')
+    canvases = opened.page.locator('canvas')
+    assert canvases.count() == 2
+    assert not canvases.first.is_visible()
+    opened.page.locator('.chosen button').first.click()
+    assert canvases.first.is_visible()
+    scene = 'designPage.comparison.drawn[0].walker.scene'
+    assert opened.page.evaluate(f'{scene}.legs.every((leg) => leg.meshes && leg.points)')
+    assert opened.page.evaluate(f'{scene}.legs.length') == 8
+    assert opened.requests == [pages['walkers'].as_uri()]
+    assert [text for text in opened.complaints if 'GL Driver' not in text] == []
+    assert opened.barriers() == []
+    assert 'RobotScene' not in pages['none'].read_text()

@@ -122,15 +122,16 @@ class Comparison {
     const legs = chosen.map((n) => data.legs[n]);
     this.place.hidden = !legs.length;
     const boxes = legs.map(boxOf);
+    for (const { walker } of this.drawn) walker?.dispose();
     this.cards.replaceChildren();
-    this.drawn = legs.map((leg, k) => this.card(leg, chosen[k], planeOf(boxes[k], boxes)));
+    this.drawn = legs.map((leg, k) => this.card(leg, planeOf(boxes[k], boxes)));
     this.rest.replaceChildren(this.figures(legs), make('h2', 'Next'), ...legs.map(nextSteps));
     const folder = folderCommand();
     if (folder) this.rest.querySelector('h2').after(folder);
     this.go(this.part);
   }
 
-  card(leg, number, plane) {
+  card(leg, plane) {
     const card = make('div', '', 'card');
     const svg = document.createElementNS(SVG, 'svg');
     svg.setAttribute('role', 'img');
@@ -144,15 +145,10 @@ class Comparison {
     ]);
     details.append(tableOf(['dimension', 'from', 'to'], margins, `Margins of ${leg.name}`));
     card.append(make('h3', legTitle(leg)), make('p', leg.linkage, 'quiet'), svg);
-    if (leg.walker) {
-      // The place of the walker in three dimensions.
-      const scene = make('div', '', 'scene');
-      scene.dataset.leg = number;
-      card.append(scene);
-    }
+    const walker = leg.walker ? new WalkerView(card, leg) : null;
     card.append(details);
     this.cards.append(card);
-    return { leg, shown: drawLeg(svg, leg, plane, true) };
+    return { leg, walker, shown: drawLeg(svg, leg, plane, true) };
   }
 
   /** The table of all figures: the best is named where several legs are compared. */
@@ -177,7 +173,8 @@ class Comparison {
     const degrees = Math.floor(part * 360);
     this.crank.value = degrees;
     this.angle.textContent = `${degrees} deg`;
-    for (const { leg, shown } of this.drawn) {
+    for (const { leg, walker, shown } of this.drawn) {
+      walker?.go(part);
       shown.show(leg.points[Math.floor(part * leg.points.length)]);
     }
   }

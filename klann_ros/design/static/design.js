@@ -79,4 +79,4 @@ class DesignPage {
   }
 }
 
-if (data) new DesignPage();
+const designPage = data && new DesignPage();

@@ -57,9 +57,9 @@ function figureText(figure, value) {
 }
 
 /** By how much a leg misses the aim of a figure; infinite where it has none. */
-function lossOf(leg, { name, sense, near }) {
+function lossOf(leg, { name, sense, value }) {
   const figure = leg.figures[name] ?? Infinity;
-  if (sense === 'near') return Math.abs(figure - near);
+  if (sense === 'near') return Math.abs(figure - value);
   return sense === 'maximize' && name in leg.figures ? -figure : figure;
 }
 
