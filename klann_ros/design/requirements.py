@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.datasheet import Motor, motor_from_file, MotorFileError
-from klann_ros.export import part_settings
+from klann_ros.export import ExportError, part_settings
 from klann_ros.kinematics import schema_error, Structure
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import preset_names, robot_of, RobotFileError, RobotLeg
@@ -216,7 +216,7 @@ def requirements_from(
         motor=_motor(content['motor'], folder) if 'motor' in content else None,
         motor_file=str(Path(_beside(content.get('motor', ''), folder)).absolute()),
         walker=content.get('walker'),
-        parts=part_settings(legs, content.get('parts', {}), metre),
+        parts=_parts(content, metre, legs),
         # A schema's whole numbers may be written as 2.0.
         count=int(content.get('count', DEFAULT_COUNT)),
         text=json.dumps(content, sort_keys=True),
@@ -321,6 +321,13 @@ def _motor(name: str, folder: Path) -> Motor:
 def _beside(name: str, folder: Path) -> str:
     """Return a file's path, beside the file of requirements if it is there."""
     return str(folder / name) if (folder / name).is_file() else name
+
+
+def _parts(content: Mapping[str, Any], metre: float, legs: Iterable[RobotLeg]) -> dict[str, Any]:
+    try:
+        return part_settings(legs, content.get('parts', {}), metre)
+    except ExportError as error:
+        raise RequirementsError(str(error)) from error
 
 
 def _leg(name: str, folder: Path) -> RobotLeg:

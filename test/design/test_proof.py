@@ -9,6 +9,7 @@ from klann_ros.design import proof, requirements_from
 from klann_ros.design.leg_file import leg_text, parameter_text, walker_parameters
 from klann_ros.design.proof import check_file, FittedCandidate, FoundLeg, ProofError, prove
 from klann_ros.design.requirements import Limit
+from klann_ros.export import weighed_leg
 from klann_ros.gait import walk_figures
 from klann_ros.kinematics import (
     foot_path,
@@ -264,6 +265,26 @@ def test_the_motor_of_a_walker_turns_several_legs(tmp_path: Path) -> None:
     margins = [crank.motor.margin for crank in sheet.cranks if crank.motor is not None]
     assert leg.reached['motor_margin'] == pytest.approx(min(margins), rel=1e-3)
     assert leg.reached['motor_margin'] < proven(klann, 'klann', **options).reached['motor_margin']
+
+
+def test_a_leg_and_its_walker_weigh_their_parts() -> None:
+    klann = shipped_linkage('klann').scaled(0.25)
+    parts = {'material': 'PLA', 'infill': 0.3, 'thickness': 4, 'pins': 'steel'}
+    options: dict[str, Any] = {'units': {'length': 'mm'}, 'parts': parts}
+    leg = proven(klann, 'klann', walker={'legs': 4}, **options)
+    assert leg.walker is not None
+    assert '\\n' not in parameter_text(leg.walker)
+    walker = robot_from_text(parameter_text(leg.walker), 'the walker')
+    expected = weighed_leg(leg.leg, {**parts, 'thickness': 4e-3}).masses
+    assert expected is not None
+    assert expected.source == 'parts of PLA, 4 mm, infill 30 %, pins of steel, by export'
+    assert [walker_leg.masses for walker_leg in walker.legs] == [expected] * 4
+    assert 'density' not in leg.leg.description
+
+
+def test_parts_that_cannot_be_made_refuse_a_leg() -> None:
+    parts = {'material': 'PLA', 'width': 3e-3}
+    assert 'a bar wider than its hole' in str(refusal(shipped_linkage('klann'), 'klann', parts=parts))
 
 
 def test_a_walker_is_proven_from_its_file() -> None:
