@@ -11,20 +11,9 @@ from .outline import Outline
 from .parts import Part, Role
 from .weights import part_settings, part_sizes
 
-# Digits of a coordinate: a tenth of a micrometre.
-_DIGITS = 7
-
 
 def scene_parts(robot: Robot) -> dict[str, Any]:
-    """
-    Return the parts of a robot: a model for equal legs, and the place of each leg's stack.
-
-    Raises
-    ------
-    ExportError
-        The sizes leave too little material, the crank reaches no angle, or no layers are found.
-
-    """
+    """Return models of the parts of legs, and each leg's; errors as `placed_legs`."""
     models: dict[Any, dict[str, Any]] = {}
     legs = {}
     for placed in placed_legs(robot, part_sizes(part_settings(robot.legs, {}, 1.0))):
@@ -67,6 +56,9 @@ def _curves(outlines: Iterable[Outline]) -> list[list[float]]:
     """Return the corners of each outline in a row: x [m], y [m], bulge, x, ..."""
     curves = []
     for outline in outlines:
-        corners = [(corner.at.real, corner.at.imag, corner.bulge) for corner in outline]
-        curves.append([round(number, _DIGITS) for corner in corners for number in corner])
+        curve: list[float] = []
+        for corner in outline:
+            # Tenths of a micrometre.
+            curve += round(corner.at.real, 7), round(corner.at.imag, 7), round(corner.bulge, 7)
+        curves.append(curve)
     return curves

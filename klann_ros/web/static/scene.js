@@ -91,14 +91,23 @@ class RobotScene {
     this.resize();
   }
 
-  /** Find the size of the robot, and round cells of the ground. */
+  /** Find the middle and the size of the robot, and round cells of the ground. */
   measure() {
     const { legs, body } = this.data;
-    const reach = legs.map(({ shape, mount }) => {
-      const box = shape.box || [-1, -1, 1, 1];
-      return Math.hypot(mount.xyz[0], mount.xyz[1]) + Math.max(...box.map(Math.abs));
+    const corners = legs.flatMap((leg) => {
+      const [left, bottom, right, top] = leg.shape.box || [-1, -1, 1, 1];
+      const { matrix } = mountMatrix(leg, [0, 0, 0]);
+      return [[left, bottom], [left, top], [right, bottom], [right, top]].map(([x, y]) =>
+        new THREE.Vector3(x, y, 0).applyMatrix4(matrix));
     });
-    this.size = 2 * Math.max(...reach, ...(body ? body.size.map((side) => side / 2) : []));
+    for (const corner of body ? CORNERS : []) corners.push(bodyCorner(body, corner));
+    const [low, high] = [corners[0].clone(), corners[0].clone()];
+    for (const corner of corners) {
+      low.min(corner);
+      high.max(corner);
+    }
+    this.middle = low.clone().add(high).multiplyScalar(0.5);
+    this.size = high.distanceTo(low);
     const power = 10 ** Math.floor(Math.log10(this.size / CELLS_BY_SIZE));
     this.cell = [1, 2, 5].map((n) => n * power).filter((cell) => cell <= this.size / CELLS_BY_SIZE).pop() || power;
     this.camera.near = 0.02 * this.size;
@@ -108,10 +117,10 @@ class RobotScene {
   /** Take the colours of the page. */
   paint() {
     const { materials, scene } = this;
-    const [paper, ink, quiet] = ['card', 'ink', 'quiet'].map(sceneColour);
+    const [paper, quiet] = ['card', 'quiet'].map(sceneColour);
     scene.background = paper;
     scene.fog = new THREE.Fog(paper);
-    materials.shadow.color.copy(ink).lerp(paper, 0.68);
+    materials.shadow.color.copy(paper).multiplyScalar(0.6);
     materials.grid.color.copy(quiet).lerp(paper, 0.7);
     materials.path.color.copy(sceneColour('accent'));
     materials.body.color.copy(quiet);
@@ -181,7 +190,6 @@ class RobotScene {
     const onGround = ([x, y, z]) => [isOnGround ? x : x * Math.cos(slope) + z * Math.sin(slope), y];
     this.drawGround([...path, at].map(onGround));
     this.castShadow(normal, height);
-    this.height = height;
     this.draw();
   }
 
@@ -203,7 +211,7 @@ class RobotScene {
     }
     const { body } = this.data;
     for (const corner of body ? CORNERS : []) {
-      low = Math.min(low, along(corner.map((part, i) => body.centre[i] + part * body.size[i])));
+      low = Math.min(low, along(bodyCorner(body, corner).toArray()));
     }
     return Number.isFinite(low) ? low : 0;
   }
@@ -244,7 +252,7 @@ class RobotScene {
     if (!this.data || !this.canvas.clientWidth) return;
     const begin = performance.now();
     const distance = this.orbit.zoom * this.size * Math.max(1, WIDE / this.camera.aspect);
-    const middle = new THREE.Vector3(0, 0, -0.3 * (this.height || 0));
+    const middle = this.middle.clone().applyMatrix4(this.robot.matrix);
     this.camera.position.set(...this.orbit.direction).multiplyScalar(distance).add(middle);
     this.camera.lookAt(middle);
     [this.scene.fog.near, this.scene.fog.far] = FOG.map((part) => distance + part * this.size);
@@ -317,6 +325,10 @@ class RobotScene {
     for (const material of Object.values(this.materials)) material.dispose();
     this.renderer.dispose();
   }
+}
+
+function bodyCorner({ centre, size }, corner) {
+  return new THREE.Vector3(...corner.map((part, i) => centre[i] + part * size[i]));
 }
 
 function sceneColour(name) {
