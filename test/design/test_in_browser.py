@@ -146,4 +146,4 @@ def test_a_walker_is_shown_in_three_dimensions_where_there_is_one(
     assert opened.requests == [pages['walkers'].as_uri()]
     assert [text for text in opened.complaints if 'GL Driver' not in text] == []
     assert opened.barriers() == []
-    assert 'RobotScene' not in pages['none'].read_text()
+    assert 'class RobotScene' not in pages['none'].read_text()
