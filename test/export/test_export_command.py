@@ -4,7 +4,6 @@ from pathlib import Path
 import sys
 from xml.etree import ElementTree as ET
 
-import ezdxf
 from klann_ros.export.command import main
 import mujoco
 import pytest
@@ -21,6 +20,8 @@ def test_all_formats_are_written_at_once(tmp_path: Path, capsys: pytest.CaptureF
     groups = ET.parse(files['svg']).getroot()  # noqa: S314 - our own
     assert [group.get('id') for group in groups] == ['PLATES', 'LABELS']
     assert ET.parse(files['urdf']).getroot().tag == 'robot'  # noqa: S314
+    import ezdxf
+
     document = ezdxf.readfile(files['dxf'])
     assert not document.audit().errors
     assert document.modelspace().query('ARC')

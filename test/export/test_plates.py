@@ -9,7 +9,6 @@ import re
 from typing import Any
 from xml.etree import ElementTree as ET
 
-import ezdxf
 from klann_ros.export import Drawing, drawing, dxf, ExportError, Plate, plates, svg
 from klann_ros.export.outline import Corner, outlines
 from klann_ros.export.plates import slot_conflict
@@ -37,6 +36,8 @@ def test_plates_are_apart_and_their_holes_as_far_apart_as_the_joints_of_the_leg(
     robot = robot_of(name)
     linkage = robot.legs[0].linkage
     robot_plates, sheet = drawn(robot)
+    import ezdxf
+
     document = ezdxf.read(StringIO(dxf(sheet).decode()))
     assert not document.audit().errors
     assert document.header['$INSUNITS'] == ezdxf.units.MM
@@ -308,6 +309,8 @@ def test_filled_paths_and_entities_enclose_the_plates_without_their_holes(
     root: Any = ET.fromstring(svg(sheet, filled=True))  # noqa: S314 - our own
     assert root[0].get('fill-rule') == 'evenodd'
     filled = [filled_area(path.get('d')) for path in root[0]]
+    import ezdxf
+
     document = ezdxf.read(StringIO(dxf(sheet, exploded=True).decode()))
     edges = [edge(entity) for entity in document.modelspace().query('LINE ARC CIRCLE')]
     enclosed = [area for area in polygonize(edges).geoms if area.interiors]

@@ -20,7 +20,6 @@ import mujoco
 import numpy as np
 import pytest
 from shapely import LineString, Point, Polygon, unary_union
-import trimesh
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLE, WIDTH, THICKNESS, DENSITY = 4e-3, 20e-3, 3e-3, 1190.0
@@ -110,6 +109,8 @@ def mesh_volume(plate: Plate, inset: float, height: float) -> float:
         radius = (cut.diameter + PartSizes().clearance) / 2.0 + inset
         shape -= bar(cut.line).buffer(radius, quad_segs=256)
     assert isinstance(shape, Polygon)
+    import trimesh
+
     return float(trimesh.creation.extrude_polygon(shape, height).volume)
 
 
