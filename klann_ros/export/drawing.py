@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, indent, SubElement, tostring
 from klann_ros.sanitize.text import printable
 import numpy as np
 
-from .outline import distance_to, Outline, outlines, reversed_outline, Segment
+from .outline import distance_to, Outline, outlines, Segment
 from .plates import ExportError, Plate
 
 MM = 1e3
@@ -67,8 +67,7 @@ class Drawing:
 
     `outlines` are the plates, in their order, and `slots`: closed, counter-clockwise; `windows`
     the openings between the links of a plate: closed, clockwise. `circles` are the holes, `texts`
-    titles and names of holes. `areas` has all curves of each plate: its outline, then windows,
-    holes and slots, clockwise.
+    titles and names of holes. `areas` has all curves of each plate, its outline first.
     """
 
     size: complex
@@ -134,10 +133,10 @@ def drawing(plates: Sequence[Plate], *, kerf: float = 0.0) -> Drawing:
         circles += placed.circles()
         slots += placed.slots()
         texts += placed.texts()
-        openings = placed.slots()
+        curves = [outer, *inner, *placed.slots()]
         for circle in placed.circles():
-            openings += outlines([(circle.at, circle.at)], circle.radius)
-        areas.append((outer, *inner, *map(reversed_outline, openings)))
+            curves += outlines([(circle.at, circle.at)], circle.radius)
+        areas.append(tuple(curves))
     return Drawing(
         size=complex(right, y + row_height + PLATE_GAP),
         outlines=tuple(cuts),
@@ -291,9 +290,8 @@ def path_data(outline: Outline, height: float) -> str:
     for corner, following in zip(outline, [*outline[1:], outline[0]], strict=True):
         if corner.bulge:
             chord = abs(following.at - corner.at)
-            radius = chord / abs(2.0 * sin(2.0 * atan(corner.bulge)))
-            sweep = int(corner.bulge < 0.0)
-            commands.append(f'A {radius:.6f} {radius:.6f} 0 0 {sweep} {x_y(following.at)}')
+            radius = chord / (2.0 * sin(2.0 * atan(corner.bulge)))
+            commands.append(f'A {radius:.6f} {radius:.6f} 0 0 0 {x_y(following.at)}')
         else:
             commands.append(f'L {x_y(following.at)}')
     return ' '.join([*commands, 'Z'])

@@ -40,14 +40,6 @@ class _Piece(NamedTuple):
     bulge: float = 0.0
 
 
-def reversed_outline(outline: Outline) -> Outline:
-    """Return an outline in the opposite direction."""
-    corners = []
-    for corner, following in zip(outline, [*outline[1:], outline[0]], strict=True):
-        corners.append(Corner(following.at, -corner.bulge))
-    return tuple(reversed(corners))
-
-
 def nearest_on(segment: Segment, point: complex) -> complex:
     """Return the point of a segment nearest to a point."""
     start, end = segment
