@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from html import escape
-from itertools import starmap
 from math import isnan
 import re
 
@@ -65,11 +64,19 @@ def _attribute(key: str, value: str | float | bool) -> str:
     return f' {name}' if value is True else f' {name}="{escape(printable(value, _MAX_TEXT))}"'
 
 
-def scrolling_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
-    """Return a table, which scrolls where it is too wide; each row begins with its heading."""
+def scrolling_table(
+    name: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, stacks: bool = False
+) -> Markup:
+    """
+    Return a table, which scrolls where it is too wide; each row begins with its heading.
+
+    One that `stacks` has a card for each row on a phone.
+    """
     head = element('tr', *[element('th', text, scope='col') for text in heads])
-    body = element('tbody', *starmap(table_row, rows))
-    return _scrolling(name, element('table', element('thead', head), body))
+    cards = (_headed_row(heads, row) if stacks else table_row(*row) for row in rows)
+    body = element('tbody', *cards)
+    class_ = 'stacks' if stacks else False
+    return _scrolling(name, element('table', element('thead', head), body, class_=class_))
 
 
 def _scrolling(name: str, table: Markup) -> Markup:
@@ -87,20 +94,18 @@ def sortable_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]
     for text in heads:
         button = element('button', text, type='button')
         head_cells.append(element('th', button, scope='col'))
-    row_elements = []
-    for heading, *cells in rows:
-        row = [element('th', heading, scope='row')]
-        for head, cell in zip(heads[1:], cells, strict=True):
-            class_ = 'unknown' if cell == _UNKNOWN else False
-            row.append(element('td', cell, data_head=head, class_=class_))
-        row_elements.append(element('tr', *row))
-    table = element(
-        'table',
-        element('thead', element('tr', *head_cells)),
-        element('tbody', *row_elements),
-        class_='sortable',
-    )
-    return _scrolling(name, table)
+    head = element('thead', element('tr', *head_cells))
+    body = element('tbody', *[_headed_row(heads, row) for row in rows])
+    return _scrolling(name, element('table', head, body, class_='sortable'))
+
+
+def _headed_row(heads: Sequence[str], texts: Sequence[str]) -> Markup:
+    """Return a row whose cells know the heads of their columns."""
+    row = [element('th', texts[0], scope='row')]
+    for head, cell in zip(heads[1:], texts[1:], strict=True):
+        class_ = 'unknown' if cell == _UNKNOWN else False
+        row.append(element('td', cell, data_head=head, class_=class_))
+    return element('tr', *row)
 
 
 def breakable(name: str) -> Markup:
