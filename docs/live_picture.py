@@ -1,7 +1,7 @@
 """
 Make the README's picture of the live page: python docs/live_picture.py [FILE].
 
-It starts a walker's solver, a crank and view_node, and needs playwright and Debian's chromium.
+It starts a simulated walker and view_node, and needs MuJoCo, playwright and Debian's chromium.
 """
 
 from collections.abc import Iterator
@@ -17,10 +17,18 @@ from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'docs' / 'live.png'
-WALKER = ROOT / 'config' / 'walker4.yaml'
+WALKER = ROOT / 'config' / 'printed_walker.yaml'
 SIZE = {'width': 1280, 'height': 1390}
 # Until the charts are full [s].
 SECONDS = 32.0
+# At the speed of walking [m/s]; drawn as smoothly as by a graphics card.
+SPEED = 'linear:=0.05'
+SMOOTH = """
+    const { scene } = live.stage;
+    scene.adapt = () => {};
+    scene.restartMeasurements(0);
+    scene.renderer.setPixelRatio(2);
+"""
 
 
 @contextmanager
@@ -42,9 +50,11 @@ def running(name: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
 
 def save_picture(file: Path) -> None:
     """Save what one sees of a walker that walks."""
+    parameters = ('--ros-args', '--params-file', str(WALKER))
     with (
-        running('solver_node', '--ros-args', '--params-file', str(WALKER)),
-        running('crank_node', '--ros-args', '-p', 'speed:=2.0'),
+        running('sim_node', *parameters, '-p', SPEED),
+        running('walker_node', *parameters, '-p', 'use_imu:=true'),
+        running('solver_node', *parameters),
         running('view_node', '--port', '0') as view,
         sync_playwright() as playwright,
     ):
@@ -55,6 +65,8 @@ def save_picture(file: Path) -> None:
         opened.goto(next(iter(view.stdout or [])).strip())
         opened.wait_for_selector('#picture[data-x]')
         time.sleep(SECONDS)
+        opened.evaluate(f'() => {{ {SMOOTH} }}')
+        time.sleep(0.5)
         opened.screenshot(path=file)
         browser.close()
 

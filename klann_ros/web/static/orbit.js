@@ -14,7 +14,7 @@ const ORBIT_KEYS = {
 const ELEVATION = { min: 0.02, max: 1.55 };
 // In sizes of the robot.
 const ZOOM = { min: 0.4, max: 8 };
-const FIRST_VIEW = { azimuth: -1.1, elevation: 0.35, zoom: 1.2 };
+const FIRST_VIEW = { azimuth: -1.1, elevation: 0.35, zoom: 1.1 };
 
 class Orbit {
   /** `changed` is called after each change; `isFree` returns whether arrow keys are the camera's. */

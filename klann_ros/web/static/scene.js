@@ -24,16 +24,18 @@ const MAX_PATH = 2200;
 const LIGHT = [-0.35, -0.5, 1];
 const METAL = 'quiet';
 // The robot fits into a picture that is so much wider than high.
-const WIDE = 1.7;
+const WIDE = 1.45;
 // Of the feet in a simulation [m].
 const FOOT_RADIUS = 0.004;
 // The ground fades from here to there, in sizes of the robot behind it.
 const FOG = [0.5, 2.4];
 const CORNERS = [0, 1, 2, 3, 4, 5, 6, 7].map((n) => [n & 1, n & 2, n & 4].map((bit) => (bit ? 0.5 : -0.5)));
 // From the best on: the pixels of a point of the page, at most, and whether there are shadows.
-const QUALITIES = [[2, true], [1, true], [0.75, true], [0.75, false], [0.5, false]];
-// A frame that takes longer is too slow [ms]; a few are measured, each after this number of frames.
+const QUALITIES = [[2, true], [1, true], [1, false], [0.7, false]];
+// A frame that takes longer is too slow, and one that takes less leaves time for the next quality
+// [ms]; a few are measured, each after this number of frames.
 const SLOW_FRAME = 28;
+const FAST_FRAME = 9;
 const MEASURE_PERIOD = 20;
 const POLL_PERIOD = 2;
 const MEASUREMENTS = 3;
@@ -276,14 +278,14 @@ class RobotScene {
     poll();
   }
 
-  /** Reduce the quality where most of the measured pictures took too long. */
+  /** Reduce the quality where most of the measured pictures took too long; raise it where not. */
   adapt(cost) {
     this.costs.push(cost);
     if (this.costs.length < MEASUREMENTS) return;
     const [, median] = this.costs.sort((a, b) => a - b);
     this.cost = median;
-    const isLast = this.quality === QUALITIES.length - 1;
-    this.restartMeasurements(median > SLOW_FRAME && !isLast ? this.quality + 1 : this.quality);
+    const step = median > SLOW_FRAME ? 1 : median < FAST_FRAME ? -1 : 0;
+    this.restartMeasurements(Math.min(QUALITIES.length - 1, Math.max(0, this.quality + step)));
   }
 
   restartMeasurements(quality) {
