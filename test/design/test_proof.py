@@ -284,7 +284,8 @@ def test_a_leg_and_its_walker_weigh_their_parts() -> None:
 
 def test_parts_that_cannot_be_made_refuse_a_leg() -> None:
     parts = {'material': 'PLA', 'width': 3e-3}
-    assert 'a bar wider than its hole' in str(refusal(shipped_linkage('klann'), 'klann', parts=parts))
+    error = refusal(shipped_linkage('klann'), 'klann', parts=parts)
+    assert 'a bar wider than its hole' in str(error)
 
 
 def test_a_walker_is_proven_from_its_file() -> None:
