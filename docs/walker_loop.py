@@ -25,7 +25,7 @@ from playwright.sync_api import Page, sync_playwright
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'docs' / 'walker.webp'
 WALKER = ROOT / 'config' / 'printed_walker.yaml'
-SIZE = (720, 420)
+SIZE = (720, 400)
 # A turn of the cranks is one loop.
 FRAMES = 48
 FRAME_TIME = 1.0 / 15.0
@@ -37,7 +37,7 @@ PAGE = '<style>body { margin: 0 } canvas { width: 100vw; height: 100vh }</style>
 BUILD = """robot => {
     scene = new RobotScene(document.querySelector('canvas'));
     scene.build(robot);
-    Object.assign(scene.orbit, {azimuth: -1.1, elevation: 0.3, zoom: 1.0});
+    Object.assign(scene.orbit, {azimuth: -1.1, elevation: 0.3, zoom: 1.02});
     // All frames have the same quality.
     scene.adapt = () => {};
 }"""
