@@ -22,13 +22,7 @@ def lazy_face(
     """
     Return `__getattr__`, `__dir__` and `__all__` of a package (PEP 562).
 
-    Parameters
-    ----------
-    package : str
-        Name of the package.
-    file : str
-        Its source, whose block `if TYPE_CHECKING` has nothing but imports from its modules.
-
+    The block `if TYPE_CHECKING` of its source has nothing but imports from its modules.
     """
     modules = _modules_of_names(Path(file).read_text(encoding='utf-8'))
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
 import ctypes
+from functools import partial
 import math
 import os
 import signal
@@ -44,7 +45,7 @@ class StopSignals:
         # An ignored signal never reaches sigwait.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_BLOCK, signals)
-        self._stop: Callable[[], object] = _leave
+        self._stop: Callable[[], object] = partial(os._exit, 0)
         self._released: Callable[[], AbstractContextManager[None]] = nullcontext
         self._is_ending = False
         self._restores = threading.Event()
@@ -108,10 +109,6 @@ def _deliver(number: int) -> None:
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
     signal.pthread_kill(threading.get_ident(), number)
     signal.pthread_sigmask(signal.SIG_BLOCK, {number})
-
-
-def _leave() -> None:
-    os._exit(0)
 
 
 class _Notification(ctypes.Structure):

@@ -41,17 +41,8 @@ class Calculation:
     """
     A calculation from givens in mm, deg, s and N, on which formulas are worked.
 
-    Formulas use its functions, which have the student's mistake; angles are in degrees.
-
-    Parameters
-    ----------
-    givens : mapping of str to float
-        The given numbers.
-    mistake : str
-        SLIP:PLACE; none by default.
-    input_angle : str
-        The given angle to which mistakes of the input apply.
-
+    Formulas use its functions, which have the student's mistake, SLIP:PLACE; angles are in
+    degrees. Mistakes of the input apply to the given angle `input_angle`.
     """
 
     sqrt = staticmethod(sqrt)

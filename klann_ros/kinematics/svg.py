@@ -68,18 +68,9 @@ def animation_svg(leg: Any, *, period: float = 4.0) -> str:
     """
     Return a turn of a leg as a moving SVG; over an arc it moves to and fro.
 
-    Parameters
-    ----------
-    leg : leg
-        The leg; its last pose is kept.
-    period : float
-        Time of a turn [s]; a linkage with change points may be back only after several.
-
-    Raises
-    ------
-    ValueError
-        The leg reaches no crank angle, or `period` is not above 0.
-
+    A turn takes `period` [s]; a linkage with change points may be back only after several. The
+    leg's last pose is kept. Raises a ValueError if it reaches no crank angle, or `period` is not
+    above 0.
     """
     if not period > 0.0:
         raise ValueError(f'period = {period!r} is refused: it must be > 0')

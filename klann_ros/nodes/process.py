@@ -198,8 +198,7 @@ def _check_params_files(arguments: Sequence[str]) -> None:
         try:
             open_regular(file).close()
         except NotRegularFileError as error:
-            reason = f'{printable(file)} cannot be read: {error.strerror}'
-            raise StartError(reason) from error
+            raise StartError(f'{printable(file)} cannot be read: {error.strerror}') from error
         except (OSError, ValueError):
             continue  # ROS reports it
 

@@ -111,8 +111,7 @@ def plot_turn(linkage: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -
 
     """
     if what not in QUANTITIES:
-        msg = f'what = {what!r} is refused: it must be one of {", ".join(QUANTITIES)}'
-        raise ValueError(msg)
+        raise ValueError(f'what = {what!r} is refused: it must be one of {", ".join(QUANTITIES)}')
     leg = leg_of(linkage)
     quantity = QUANTITIES[what]
     curves = quantity.curves(leg)
@@ -183,8 +182,7 @@ def plot_convergence(
 
     """
     if what not in CONVERGENCE:
-        msg = f'what = {what!r} is refused: it must be one of {", ".join(CONVERGENCE)}'
-        raise ValueError(msg)
+        raise ValueError(f'what = {what!r} is refused: it must be one of {", ".join(CONVERGENCE)}')
     leg = leg_of(linkage)
     structure = leg.linkage.structure
     measure = CONVERGENCE[what]

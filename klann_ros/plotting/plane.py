@@ -340,9 +340,6 @@ def _crank_angles(leg: AnyLeg, count: int) -> list[float]:
 class NoMatplotlibError(ImportError):
     """Matplotlib is not installed."""
 
-    def __str__(self) -> str:
-        return "a plot needs matplotlib: pip install 'klann_ros[plot]'"
-
 
 def axes_of(ax: 'Axes | None') -> 'Axes':
     """Return the axes, or a new figure's; raises a NoMatplotlibError without matplotlib."""
@@ -351,7 +348,7 @@ def axes_of(ax: 'Axes | None') -> 'Axes':
     try:
         from matplotlib import pyplot as plt  # noqa: PLC0415 - optional, and slow to import
     except ImportError:
-        raise NoMatplotlibError from None
+        raise NoMatplotlibError("a plot needs matplotlib: pip install 'klann_ros[plot]'") from None
     return plt.subplots(layout='constrained')[1]
 
 

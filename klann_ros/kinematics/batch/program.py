@@ -462,12 +462,12 @@ class _Compiler:
     def _derivative(self, arms: Sequence[Arm], dimension: Dimension) -> Number:
         """Return the derivative by a dimension of the coordinate that arms change."""
         if dimension.kind in {'x', 'y'}:
-            counts = tuple(arm.path.pivot_count(dimension.place) for arm in arms)
+            counts = tuple(dict(arm.path.pivots).get(dimension.place, 0) for arm in arms)
             return self._gradient_by_vector(arms, counts).component(dimension.kind)
         # Bars with the same counts in the paths of the arms are moved together.
         bars_by_counts: dict[tuple[int, ...], list[int]] = {}
         for bar in moved_bars(self._structure, dimension):
-            counts = tuple(arm.path.bar_count(bar) for arm in arms)
+            counts = tuple(dict(arm.path.bars).get(bar, 0) for arm in arms)
             bars_by_counts.setdefault(counts, []).append(bar)
         derivative = self._recorder.zero
         for counts, bars in bars_by_counts.items():

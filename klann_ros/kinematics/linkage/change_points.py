@@ -256,10 +256,9 @@ class ChangePoints:
                 self._cut = (start + end) / 2.0 - pi
             self.points += linkage.branch.change_points
             if self.points and linkage.at_change_points == CROSSED:
-                msg = (
+                raise GeometryError(
                     'at_change_points: crossed is refused for coupled loops: start on that motion'
                 )
-                raise GeometryError(msg)
             self.clearances += [np.nan] * self._branch_blocks
             self._signs += linkage.branch.sign_changes
         for block in linkage.blocks[slice(self._branch_blocks, None)]:

@@ -451,10 +451,7 @@ def _names_of_slide(
 
 def _first_of(points: Iterable[str], choices: AbstractSet[str], default: str) -> str:
     """Return the first of the points that is among some choices."""
-    for point in points:
-        if point in choices:
-            return point
-    return default
+    return next((point for point in points if point in choices), default)
 
 
 def _opposite_brace(brace: Brace | None) -> Brace | None:

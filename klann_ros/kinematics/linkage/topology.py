@@ -163,14 +163,6 @@ class Path(NamedTuple):
         """Return the sum with another path, or the difference."""
         return Path(_sum(self.pivots, path.pivots, sign), _sum(self.bars, path.bars, sign))
 
-    def pivot_count(self, pivot: int) -> int:
-        """Return how many times the path adds a pivot; negative if it subtracts it."""
-        return dict(self.pivots).get(pivot, 0)
-
-    def bar_count(self, bar: int) -> int:
-        """Return how many times the path adds a bar; negative if it subtracts it."""
-        return dict(self.bars).get(bar, 0)
-
 
 def loop_paths(
     pivots: Sequence[str], bars: Sequence[tuple[int, str, str]], groups: Sequence[Group]

@@ -149,8 +149,7 @@ def _checked(
                 useless = limit < max(MIN_LIMIT, MAX_RATIO * len(data))
                 reason = f'its {len(data)} bytes unpack to more than {limit} bytes, the limit '
                 reason += 'behind too many useless bytes' if useless else 'without a proof'
-                text = f'the chunk cannot be unpacked ({reason})'
-                raise DecompressionError(text, unpacked_size)
+                raise DecompressionError(f'the chunk cannot be unpacked ({reason})', unpacked_size)
             if crc:
                 computed_crc = zlib.crc32(piece, computed_crc)
             yield piece

@@ -271,8 +271,7 @@ def _check_crc(file: BinaryIO, start: int, end: int, declared: int, name: str) -
         crc = zlib.crc32(block, crc)
         size_left -= len(block)
     if crc != declared:
-        reason = f'the CRC of the {name} does not match its content'
-        raise DamagedError(reason, start)
+        raise DamagedError(f'the CRC of the {name} does not match its content', start)
 
 
 def _check_written(file: BinaryIO, start: int, end: int, name: str) -> None:
@@ -309,8 +308,7 @@ def parse(kind: type[Parsed], content: bytes, offset: int = 0) -> Parsed:
         # Each class has a `read`, though their base has none.
         parsed: Parsed = cast('Any', kind).read(_Content(content))
     except (McapError, struct.error, ValueError) as error:
-        reason = f'the {kind.__name__.lower()} cannot be understood'
-        raise DamagedError(reason, offset) from error
+        raise DamagedError(f'the {kind.__name__.lower()} cannot be understood', offset) from error
     return parsed
 
 

@@ -86,9 +86,6 @@ _NS = 10**9
 class NoPandasError(ImportError):
     """A data frame that cannot be made; the text gives the remedy."""
 
-    def __str__(self) -> str:
-        return "a data frame needs pandas: pip install 'klann_ros[pandas]'"
-
 
 def save_csv(review: Review, file: BinaryIO) -> None:
     """
@@ -146,8 +143,8 @@ def pose_frame(review: Review) -> 'pd.DataFrame':
     """
     try:
         import pandas as pd  # noqa: PLC0415 - optional, and slow to import
-    except ModuleNotFoundError as error:
-        raise NoPandasError from error
+    except ModuleNotFoundError:
+        raise NoPandasError("a data frame needs pandas: pip install 'klann_ros[pandas]'") from None
     frames = []
     for leg in review.legs:
         frame = pd.DataFrame(pose_arrays(leg), copy=True)
