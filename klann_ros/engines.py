@@ -281,11 +281,7 @@ def _ray_map(
 
 
 def _ray_answers(
-    ray: Any,
-    function: _Function,
-    items: Iterable[Any],
-    jobs: int | None,
-    time_limit: float | None,
+    ray: Any, function: _Function, items: Iterable[Any], jobs: int | None, time_limit: float | None
 ) -> _Answers:
     """Yield the answers of a running Ray as they come, or a TaskError for a task that failed."""
     remote = ray.remote(max_retries=MAX_TRIES - 1)(_call)

@@ -29,14 +29,6 @@ if TYPE_CHECKING:
         save_folder,
         save_texts,
     )
-    from .tables import (
-        decoded_text,
-        harmless,
-        plain,
-        read_table,
-        Table,
-        TableRow,
-        write_table,
-    )
+    from .tables import decoded_text, harmless, plain, read_table, Table, TableRow, write_table
 else:
     __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

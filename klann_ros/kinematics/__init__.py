@@ -92,12 +92,7 @@ if TYPE_CHECKING:
     from .foot.path import foot_path, FootPath, GROUND_BAND, NoFootPathError
     from .foot.stance import NoStanceError, Stance
     from .four_bar.geometry import FourBarGeometry
-    from .four_bar.linkage import (
-        FourBar,
-        FourBarMotion,
-        FourBarPose,
-        TransmissionExtremes,
-    )
+    from .four_bar.linkage import FourBar, FourBarMotion, FourBarPose, TransmissionExtremes
     from .four_bar.mobility import DeadPoint, Grashof, RockerLimits
     from .klann import (
         BENDS,

@@ -397,10 +397,7 @@ class Records(Protocol):
 
 
 def encoded_end(
-    start: int,
-    groups: Mapping[int, Records],
-    counts: Mapping[int, int],
-    times: tuple[int, int],
+    start: int, groups: Mapping[int, Records], counts: Mapping[int, int], times: tuple[int, int]
 ) -> bytes:
     """
     Return the end of a file from the summary on, which starts at an offset [bytes].

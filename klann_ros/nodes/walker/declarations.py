@@ -56,10 +56,7 @@ CONTROL = (
     _setting('feedback_timeout', 'a crank that is silent for longer stops all [s]', 0.01, 60.0),
     _setting('e_stop_timeout', 'a heard e_stop that is silent stops it; 0: never [s]', 0.0, 60.0),
     _setting(
-        'max_following_error',
-        'a crank that does not follow over it is a fault [rad]',
-        0.02,
-        100.0,
+        'max_following_error', 'a crank that does not follow over it is a fault [rad]', 0.02, 100.0
     ),
     _setting('max_tilt', 'greatest tilt of the body; a larger one is a fault [rad]', 0.05, 1.6),
     _setting('max_effort', 'of a crank, by crank_state: a larger one stops; 0: none', 0.0, 1e6),

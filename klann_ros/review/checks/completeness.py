@@ -375,10 +375,7 @@ def _restart(review: Review, restarts: list[_Silence]) -> Finding:
 
 def _gap(review: Review, gaps: list[_Silence]) -> Finding:
     text = _describe_longest(
-        review,
-        gaps,
-        'gaps',
-        lambda silence: f'nothing on {silence.topics} for {silence.duration}',
+        review, gaps, 'gaps', lambda silence: f'nothing on {silence.topics} for {silence.duration}'
     )
     count = _unanswered(review)
     if count:
