@@ -5,8 +5,10 @@
  */
 
 const THREE_FILE = '/static/three.min.js';
-const NO_WEBGL = 'This browser draws nothing in space, as it has no WebGL: the views from the side and above show the same.';
-const LOST = 'The graphics of this browser were lost: the views from the side and above show the same.';
+const NO_WEBGL =
+  'This browser draws nothing in space, as it has no WebGL: the views from the side and above show the same.';
+const LOST =
+  'The graphics of this browser were lost: the views from the side and above show the same.';
 // Lost graphics come back within this time, if they do [ms].
 const RESTORE_TIME = 3000;
 const SPACE_TEXT = 'Drag to turn, or press the arrow keys, + and −; double-click or Home: back.';
@@ -71,7 +73,11 @@ class Stage {
     this.note.hidden = !this.failure;
     this.note.textContent = this.failure;
     byId('view-text').textContent = isInSpace ? SPACE_TEXT : FLAT_TEXT;
-    if (isInSpace && this.legs.length) loadThree().then(() => this.build(), () => this.fail(NO_WEBGL));
+    if (isInSpace && this.legs.length)
+      loadThree().then(
+        () => this.build(),
+        () => this.fail(NO_WEBGL),
+      );
     this.showGrid();
     this.show();
   }
@@ -107,7 +113,10 @@ class Stage {
 
   showGrid() {
     const shown = this.isInSpace ? this.scene : this.live.views[0];
-    if (shown) byId('grid').textContent = String(Number((1000 * (shown.cell || shown.grid)).toPrecision(1)));
+    if (shown)
+      byId('grid').textContent = String(
+        Number((1000 * (shown.cell || shown.grid)).toPrecision(1)),
+      );
   }
 
   /** Show the newest poses, on the true ground of a simulation or on that of the odometry. */
@@ -118,11 +127,17 @@ class Stage {
     }
     if (!this.scene || !this.text) return;
     const tracks = this.legs.map((leg) => this.live.trackOf(leg));
-    this.canvas.classList.toggle('old', tracks.every((track) => track.age > OLD));
+    this.canvas.classList.toggle(
+      'old',
+      tracks.every((track) => track.age > OLD),
+    );
     const { truth, ground } = this.live;
     const { slope } = this.legs[0].solver;
     const place = truth.place ? { ...truth.pose, slope } : ground.pose;
-    this.scene.show(tracks.map((track) => track.points), place);
+    this.scene.show(
+      tracks.map((track) => track.points),
+      place,
+    );
   }
 
   /** Show the flat views, for a reason. */

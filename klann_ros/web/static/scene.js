@@ -29,9 +29,16 @@ const WIDE = 1.45;
 const FOOT_RADIUS = 0.004;
 // The ground fades from here to there, in sizes of the robot behind it.
 const FOG = [0.5, 2.4];
-const CORNERS = [0, 1, 2, 3, 4, 5, 6, 7].map((n) => [n & 1, n & 2, n & 4].map((bit) => (bit ? 0.5 : -0.5)));
+const CORNERS = [0, 1, 2, 3, 4, 5, 6, 7].map((n) =>
+  [n & 1, n & 2, n & 4].map((bit) => (bit ? 0.5 : -0.5)),
+);
 // From the best on: the pixels of a point of the page, at most, and whether there are shadows.
-const QUALITIES = [[2, true], [1, true], [1, false], [0.7, false]];
+const QUALITIES = [
+  [2, true],
+  [1, true],
+  [1, false],
+  [0.7, false],
+];
 // A frame that takes longer is too slow, and one that takes less leaves time for the next quality
 // [ms]; a few are measured, each after this number of frames.
 const SLOW_FRAME = 28;
@@ -99,8 +106,12 @@ class RobotScene {
     const corners = legs.flatMap((leg) => {
       const [left, bottom, right, top] = leg.shape.box || [-1, -1, 1, 1];
       const { matrix } = mountMatrix(leg, [0, 0, 0]);
-      return [[left, bottom], [left, top], [right, bottom], [right, top]].map(([x, y]) =>
-        new THREE.Vector3(x, y, 0).applyMatrix4(matrix));
+      return [
+        [left, bottom],
+        [left, top],
+        [right, bottom],
+        [right, top],
+      ].map(([x, y]) => new THREE.Vector3(x, y, 0).applyMatrix4(matrix));
     });
     for (const corner of body ? CORNERS : []) corners.push(bodyCorner(body, corner));
     const [low, high] = [corners[0].clone(), corners[0].clone()];
@@ -111,7 +122,11 @@ class RobotScene {
     this.middle = low.clone().add(high).multiplyScalar(0.5);
     this.size = high.distanceTo(low);
     const power = 10 ** Math.floor(Math.log10(this.size / CELLS_BY_SIZE));
-    this.cell = [1, 2, 5].map((n) => n * power).filter((cell) => cell <= this.size / CELLS_BY_SIZE).pop() || power;
+    this.cell =
+      [1, 2, 5]
+        .map((n) => n * power)
+        .filter((cell) => cell <= this.size / CELLS_BY_SIZE)
+        .pop() || power;
     this.camera.near = 0.02 * this.size;
     this.camera.far = 40 * this.size;
   }
@@ -140,11 +155,19 @@ class RobotScene {
   /** Make the legs; those without a model when their points are known. */
   buildLegs() {
     const middle = this.data.body ? this.data.body.centre : [0, 0, 0];
-    this.legs = this.data.legs.map((leg) => ({ ...leg, meshes: null, ...mountMatrix(leg, middle) }));
+    this.legs = this.data.legs.map((leg) => ({
+      ...leg,
+      meshes: null,
+      ...mountMatrix(leg, middle),
+    }));
     const groups = new Map();
     for (const leg of this.legs.filter(({ model }) => model)) {
       const { bodies, parts } = leg.model;
-      const key = JSON.stringify([leg.isMirrored, bodies, parts.filter(({ body }) => body !== FIXED)]);
+      const key = JSON.stringify([
+        leg.isMirrored,
+        bodies,
+        parts.filter(({ body }) => body !== FIXED),
+      ]);
       groups.set(key, [...(groups.get(key) || []), leg]);
     }
     for (const legs of groups.values()) this.addMeshes(legs[0].model, legs);
@@ -154,7 +177,10 @@ class RobotScene {
   /** Add the meshes of legs that have a model, and are mirrored, alike. */
   addMeshes(model, legs) {
     const mounts = legs.map((leg) => leg.matrix);
-    const meshes = new LegMeshes(model, mounts, legs[0].isMirrored, partColour, [this.materials.part, this.materials.shadow]);
+    const meshes = new LegMeshes(model, mounts, legs[0].isMirrored, partColour, [
+      this.materials.part,
+      this.materials.shadow,
+    ]);
     legs.forEach((leg, number) => Object.assign(leg, { meshes, number }));
     for (const { mesh, shadow } of meshes.bodies) {
       this.robot.add(mesh);
@@ -189,7 +215,10 @@ class RobotScene {
     this.robot.matrixWorldNeedsUpdate = true;
     this.ground.quaternion.copy(incline);
     this.ground.position.copy(normal).multiplyScalar(-height);
-    const onGround = ([x, y, z]) => [isOnGround ? x : x * Math.cos(slope) + z * Math.sin(slope), y];
+    const onGround = ([x, y, z]) => [
+      isOnGround ? x : x * Math.cos(slope) + z * Math.sin(slope),
+      y,
+    ];
     this.drawGround([...path, at].map(onGround));
     this.castShadow(normal, height);
     this.draw();
@@ -236,7 +265,8 @@ class RobotScene {
     const [l, n] = [light.toArray(), normal.toArray()];
     const scale = 1 / light.dot(normal);
     const rows = [0, 1, 2].map((i) => [
-      ...[0, 1, 2].map((k) => (i === k ? 1 : 0) - l[i] * n[k] * scale), -height * l[i] * scale,
+      ...[0, 1, 2].map((k) => (i === k ? 1 : 0) - l[i] * n[k] * scale),
+      -height * l[i] * scale,
     ]);
     this.shadow.matrix.set(...rows.flat(), 0, 0, 0, 1).multiply(this.robot.matrix);
     this.shadow.matrixWorldNeedsUpdate = true;
@@ -255,7 +285,10 @@ class RobotScene {
     const begin = performance.now();
     const distance = this.orbit.zoom * this.size * Math.max(1, WIDE / this.camera.aspect);
     const middle = this.middle.clone().applyMatrix4(this.robot.matrix);
-    this.camera.position.set(...this.orbit.direction).multiplyScalar(distance).add(middle);
+    this.camera.position
+      .set(...this.orbit.direction)
+      .multiplyScalar(distance)
+      .add(middle);
     this.camera.lookAt(middle);
     [this.scene.fog.near, this.scene.fog.far] = FOG.map((part) => distance + part * this.size);
     this.renderer.render(this.scene, this.camera);

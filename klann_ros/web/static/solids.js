@@ -156,11 +156,26 @@ function shadowGeometry(parts) {
   return geometryOf({ position });
 }
 
+/** Return a geometry of columns of triples; equal vertices are one. */
 function geometryOf(columns) {
-  const geometry = new THREE.BufferGeometry();
-  for (const [name, column] of Object.entries(columns)) {
-    geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(column), 3));
+  const numbers = new Map();
+  const index = [];
+  const kept = Object.keys(columns).map(() => []);
+  const values = Object.values(columns);
+  for (let i = 0; i < values[0].length; i += 3) {
+    const triples = values.map((column) => column.slice(i, i + 3));
+    const key = triples.join();
+    if (!numbers.has(key)) {
+      numbers.set(key, numbers.size);
+      triples.forEach((triple, k) => kept[k].push(...triple));
+    }
+    index.push(numbers.get(key));
   }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setIndex(index);
+  Object.keys(columns).forEach((name, k) => {
+    geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(kept[k]), 3));
+  });
   return geometry;
 }
 
@@ -169,7 +184,9 @@ function groundGeometry(legs, colourOf) {
   const columns = { position: [], normal: [], color: [] };
   for (const { model, matrix, isMirrored } of legs) {
     const parts = model ? model.parts.filter((part) => part.body === FIXED) : [];
-    const { attributes } = bodyGeometry(parts, colourOf, isMirrored).applyMatrix4(matrix);
+    const { attributes } = bodyGeometry(parts, colourOf, isMirrored)
+      .applyMatrix4(matrix)
+      .toNonIndexed();
     for (const [name, column] of Object.entries(columns)) {
       for (const value of attributes[name].array) column.push(value);
     }
@@ -184,7 +201,8 @@ class LegMeshes {
     this.mounts = mounts;
     this.bodies = [];
     const bodies = new Map();
-    for (const part of model.parts) bodies.set(part.body, [...(bodies.get(part.body) || []), part]);
+    for (const part of model.parts)
+      bodies.set(part.body, [...(bodies.get(part.body) || []), part]);
     bodies.delete(FIXED);
     for (const [body, parts] of bodies) {
       const geometries = [bodyGeometry(parts, colourOf, isMirrored), shadowGeometry(parts)];
