@@ -1,10 +1,11 @@
 """`export`: a robot as MJCF and URDF, its plates for a cutter, and its parts for a printer."""
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from itertools import chain
 from os.path import lexists
+from pathlib import Path
 import sys
 from typing import Any
 
@@ -14,6 +15,7 @@ from klann_ros.cli import (
     NOT_READ,
     NOT_WRITTEN,
     number_type,
+    Output,
     output_files,
     path,
     save_folder,
@@ -87,13 +89,25 @@ def _export(options: argparse.Namespace) -> int:
         check_new_folder(option, folder, [options.file])
     # All contents before the first file is written: an error leaves no partial set.
     contents, folder_contents = _contents(robot, options)
-    for output in files:
+    for output in (*files, *_further_beds(contents, options)):
         output.write(contents[output.option])
         print(f'written: {output.option} {printable(output.path)}')
     for option, folder in folders.items():
         save_folder(option, folder, folder_contents[option])
         print(f'written: {option} {printable(folder)}: {", ".join(folder_contents[option])}')
     return 0
+
+
+def _further_beds(contents: Iterable[str], options: argparse.Namespace) -> list[Output]:
+    """Return the files of further beds, which stand beside the first: plate_2.3mf."""
+    outputs = []
+    for option in contents:
+        name, _, number = option.partition(' ')
+        if number:
+            bed = Path(getattr(options, name.removeprefix('--')))
+            outputs.append(Output(option, str(bed.with_stem(f'{bed.stem}_{number}'))))
+            outputs[-1].check([options.file])
+    return outputs
 
 
 def _contents(
@@ -124,8 +138,10 @@ def _contents(
         if options.stl is not None:
             folders['--stl'] = stl_files(parts)
         if getattr(options, '3mf') is not None:
-            contents['--3mf'], bed_count = three_mf(parts, options.bed)
-            print(f'{counted(bed_count, "bed")} of {options.bed.real:g} x {options.bed.imag:g} mm')
+            beds = three_mf(parts, options.bed)
+            print(f'{counted(len(beds), "bed")} of {options.bed.real:g} x {options.bed.imag:g} mm')
+            contents['--3mf'] = beds[0]
+            contents |= {f'--3mf {number}': bed for number, bed in enumerate(beds[1:], 2)}
     return contents, folders
 
 

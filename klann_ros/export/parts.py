@@ -220,20 +220,24 @@ def _shaft_parts(
 
     head = min(sizes.thickness, HEAD_HEIGHT * shaft.diameter)
     hole = inner + sizes.clearance / 2.0
+    # Axial play at each head, which would clamp its plate.
+    play = min(sizes.clearance, sizes.washer) / 2.0
     passed = _passed_layers(stack, shaft)
     for span in _spans(joined, passed):
         bottom = span[0] * sizes.pitch
         top = span[-1] * sizes.pitch + sizes.thickness
         is_bottom_flush = FlushEnd(shaft, Side.LOWER) in stack.flush or span[0] - 1 in passed
         is_top_flush = FlushEnd(shaft, Side.UPPER) in stack.flush or span[-1] + 1 in passed
-        rods = [(inner, 0.0, bottom, top)]
+        low_end = bottom - (0.0 if is_bottom_flush else play)
+        high_end = top + (0.0 if is_top_flush else play)
+        rods = [(inner, 0.0, low_end, high_end)]
         if not is_bottom_flush:
-            rods.append((outer, 0.0, bottom - head, bottom))
+            rods.append((outer, 0.0, low_end - head, low_end))
             if not is_top_flush:
-                rods[0] = (inner, 0.0, bottom, top + head)
-                yield part(Role.CAP, (outer, inner, top, top + head))
+                rods[0] = (inner, 0.0, low_end, high_end + head)
+                yield part(Role.CAP, (outer, inner, high_end, high_end + head))
         elif not is_top_flush:
-            rods.append((outer, 0.0, top, top + head))
+            rods.append((outer, 0.0, high_end, high_end + head))
         yield part(Role.PIN, *rods)
         for layer in span:
             low = layer * sizes.pitch

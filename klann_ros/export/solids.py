@@ -6,10 +6,14 @@ Both are imported only here, where they are used.
 """
 
 from collections.abc import Iterable, Sequence
+from functools import partial
+from io import BytesIO
 import re
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from klann_ros.kinematics import colour_of
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
 from .outline import Outline, polyline
@@ -19,8 +23,8 @@ from .plates import ExportError
 MM = 1e3
 # Distance of a chord from its arc, for printing and for looking at [m].
 PRINT_TOLERANCE, VIEW_TOLERANCE = 2e-6, 2e-5
-# Space between the parts on a bed [mm], and that between beds, as a part of their width.
-PART_GAP, BED_GAP = 4.0, 0.2
+# Space between the parts on a bed, and to its edges, where a skirt needs it [mm].
+PART_GAP, BED_MARGIN = 4.0, 10.0
 MAX_NAME = 48
 HARDWARE_COLOUR, FRAME_COLOUR = '#26292e', '#8a8f98'
 
@@ -58,10 +62,16 @@ def solid(part: Part, tolerance: float = PRINT_TOLERANCE) -> Any:
     prisms = []
     for prism in part.prisms:
         base = section(prism.outlines) - section(prism.cuts)
-        height = MM * (prism.high - prism.low)
-        prisms.append(Manifold.extrude(base, height).translate((0.0, 0.0, MM * prism.low)))
+        # Faces of two prisms that touch have one height, to the last bit, and merge.
+        heights = MM * np.array([prism.low, prism.high])
+        prisms.append(Manifold.extrude(base, 1.0).warp_batch(partial(_lift, heights)))
     mesh = Manifold.batch_boolean(prisms, OpType.Add).to_mesh64()
     return Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts, process=False)
+
+
+def _lift(heights: FloatArray, vertices: FloatArray) -> FloatArray:
+    """Return vertices with z = 0 and 1 at two heights."""
+    return np.column_stack([vertices[:, :2], heights[np.rint(vertices[:, 2]).astype(int)]])
 
 
 def printed_parts(parts: Sequence[Part], bed: complex = 0j) -> dict[str, tuple[Any, int]]:
@@ -95,7 +105,7 @@ def _shape(part: Part) -> tuple[object, ...]:
 
 
 def _fits(extent: complex, bed: complex) -> bool:
-    return max(extent.real - bed.real, extent.imag - bed.imag) + 2.0 * PART_GAP <= 0.0
+    return max(extent.real - bed.real, extent.imag - bed.imag) + 2.0 * BED_MARGIN <= 0.0
 
 
 def _laid(mesh: Any, part: Part, bed: complex) -> Any:
@@ -127,39 +137,47 @@ def stl_files(parts: Sequence[Part]) -> dict[str, bytes]:
     return files
 
 
-def three_mf(parts: Sequence[Part], bed: complex) -> tuple[bytes, int]:
+def three_mf(parts: Sequence[Part], bed: complex) -> list[bytes]:
     """
-    Return all parts as 3MF, placed on beds of a size [mm], and the number of beds.
+    Return all parts as 3MF, a file for each bed of a size [mm].
 
-    The beds lie side by side along x. An ExportError names a part that is larger than a bed.
+    An ExportError names a part that is larger than a bed.
     """
     meshes = printed_parts(parts, bed)
-    scene = _scene()
-    x = y = PART_GAP
+    scenes = [_scene()]
+    x = y = BED_MARGIN
     row_height = 0.0
-    beds = 1
     for name, (mesh, count) in sorted(meshes.items(), key=lambda item: -item[1][0].extents[1]):
         width, depth, _ = mesh.extents
         if not _fits(complex(width, depth), bed):
             raise ExportError(
                 f'{name} is {width:.0f} x {depth:.0f} mm, larger than the bed with a margin of '
-                f'{PART_GAP:g} mm: use a smaller --scale or a larger --bed'
+                f'{BED_MARGIN:g} mm: use a smaller --scale or a larger --bed'
             )
         for copy in range(count):
-            if x + width + PART_GAP > bed.real:
-                x = PART_GAP
+            if x + width + BED_MARGIN > bed.real:
+                x = BED_MARGIN
                 y += row_height + PART_GAP
                 row_height = 0.0
-            if y + depth + PART_GAP > bed.imag:
-                beds += 1
-                x = y = PART_GAP
+            if y + depth + BED_MARGIN > bed.imag:
+                scenes.append(_scene())
+                x = y = BED_MARGIN
             row_height = max(row_height, depth)
             place = np.eye(4)
-            place[:2, 3] = x + (beds - 1) * (1.0 + BED_GAP) * bed.real, y
-            node = f'{name.rpartition("_")[0]}_{copy + 1}'
-            _add(scene, mesh, name, node, place)
+            place[:2, 3] = x, y
+            _add(scenes[-1], mesh, name, f'{name.rpartition("_")[0]}_{copy + 1}', place)
             x += width + PART_GAP
-    return scene.export(file_type='3mf'), beds
+    return [_without_uuids(scene.export(file_type='3mf')) for scene in scenes]
+
+
+def _without_uuids(content: bytes) -> bytes:
+    """Return a 3MF without its random identifiers, which strict readers refuse."""
+    stream = BytesIO()
+    with ZipFile(BytesIO(content)) as source, ZipFile(stream, 'w') as target:
+        for name in source.namelist():
+            text = re.sub(rb' \w+:UUID="[^"]*"', b'', source.read(name))
+            target.writestr(ZipInfo(name), text, ZIP_DEFLATED)
+    return stream.getvalue()
 
 
 def glb(legs: Sequence[PlacedLeg]) -> bytes:

@@ -17,8 +17,8 @@ def test_a_pin_with_its_heads_spacers_and_washers_fills_its_layers() -> None:
             spans = [(round(p.low * 1e3, 6), round(p.high * 1e3, 6)) for p in part.prisms]
             heights.setdefault(part.role, []).extend(spans)
     assert heights == {
-        Role.PIN: [(0.0, 17.2), (-3.2, 0.0)],
-        Role.CAP: [(14.0, 17.2)],
+        Role.PIN: [(-0.15, 17.35), (-3.35, -0.15)],
+        Role.CAP: [(14.15, 17.35)],
         Role.SPACER: [(5.0, 9.0)],
         Role.WASHER: [(4.0, 5.0), (9.0, 10.0)],
     }

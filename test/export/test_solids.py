@@ -100,28 +100,28 @@ def test_printed_parts_lie_flat_with_the_larger_face_down() -> None:
 def test_a_walker_is_printed_leg_by_leg_on_beds_without_overlap() -> None:
     robot = robot_from_file(str(CONFIG / 'walker4.yaml'))
     legs = placed_legs(robot, SIZES, 0.2)
-    content, beds = three_mf(distinct_parts(legs), 220 + 120j)
-    import trimesh
-
-    scene = trimesh.load(BytesIO(content), file_type='3mf')
-    assert scene.units == 'millimeter'
-    assert len(scene.graph.nodes_geometry) == sum(len(leg.parts) for leg in legs)
-    assert beds > 1
-    boxes = []
-    for node in scene.graph.nodes_geometry:
-        pose, name = scene.graph[node]
-        low, high = scene.geometry[name].bounds[:, :2] + pose[:2, 3]
-        bed = low[0] // 264.0
-        assert low.min() >= 3.99
-        assert high[0] - 264.0 * bed <= 216.01
-        assert high[1] <= 116.01
-        boxes.append((low, high))
-    for (low_a, high_a), (low_b, high_b) in combinations(boxes, 2):
-        assert ((low_b > high_a + 3.99) | (low_a > high_b + 3.99)).any()
+    beds = three_mf(distinct_parts(legs), 240 + 140j)
+    assert beds == three_mf(distinct_parts(legs), 240 + 140j)
+    assert len(beds) > 1
+    part_count = 0
+    for bed in beds:
+        scene = trimesh.load(BytesIO(bed), file_type='3mf')
+        assert scene.units == 'millimeter'
+        boxes = []
+        for node in scene.graph.nodes_geometry:
+            pose, name = scene.graph[node]
+            low, high = scene.geometry[name].bounds[:, :2] + pose[:2, 3]
+            assert low.min() >= 9.99
+            assert (high <= (230.01, 130.01)).all()
+            boxes.append((low, high))
+        for (low_a, high_a), (low_b, high_b) in combinations(boxes, 2):
+            assert ((low_b > high_a + 3.99) | (low_a > high_b + 3.99)).any()
+        part_count += len(boxes)
+    assert part_count == sum(len(leg.parts) for leg in legs)
     assembled = trimesh.load(BytesIO(glb(legs)), file_type='glb')
     assert len(assembled.graph.nodes_geometry) == sum(len(leg.parts) for leg in legs)
     # y is up, and z to the right: the mounts are at 50 mm, and three layers with heads outside.
-    assert abs(assembled.bounds[:, 2]) == pytest.approx([0.06256, 0.06256])
+    assert abs(assembled.bounds[:, 2]) == pytest.approx([0.06271, 0.06271], abs=1e-6)
 
 
 def test_legs_of_a_plane_that_would_collide_stand_beside_each_other() -> None:
@@ -170,10 +170,14 @@ def test_files_have_plain_names_with_their_number(tmp_path: Path) -> None:
     assert rocker.extents[2] == pytest.approx(3.0)
 
 
-def test_a_part_larger_than_the_bed_is_refused(
+def test_each_bed_is_a_file_and_a_larger_part_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / 'klann.3mf'
+    assert main(['klann', '--scale', '0.2', '--3mf', str(out), '--bed', '180x90']) == 0
+    names = ['klann.3mf', 'klann_2.3mf', 'klann_3.3mf']
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    out = tmp_path / 'jansen.3mf'
     assert main(['jansen', '--3mf', str(out)]) == 2
     assert 'larger than the bed' in capsys.readouterr().err
     assert not out.exists()
