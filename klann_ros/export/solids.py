@@ -78,7 +78,8 @@ def printed_parts(parts: Sequence[Part], bed: complex = 0j) -> dict[str, tuple[A
     """
     Return the distinct parts as meshes, flat on z = 0, with their number, by a name for files.
 
-    The larger face is down, and the longer side along x, or else as it fits a bed [mm].
+    The larger face is down, a beam lies, and the longer side is along x, or else as it fits a bed
+    [mm].
     """
     groups: dict[Any, list[Part]] = {}
     for part in parts:
@@ -115,6 +116,8 @@ def _laid(mesh: Any, part: Part, bed: complex) -> Any:
     points = mesh.vertices.copy()
     if areas[0] < areas[-1]:
         points *= 1.0, -1.0, -1.0
+    if part.role is Role.FRAME and np.ptp(points[:, 2]) > np.ptp(points[:, :2], axis=0).max():
+        points = points[:, [2, 0, 1]]
     plane = points[:, 0] + 1j * points[:, 1]
     candidates = []
     for rotation in np.exp(1j * np.radians(np.arange(180.0))):

@@ -151,6 +151,9 @@ def test_walls_and_beams_hold_the_legs_of_a_walker() -> None:
     assert 1e3 * (beam.high - beam.low) == pytest.approx(150.0 - 4.0 * 3.5)
     # The pivots of two legs, A of both in one line, and the holes of three beams.
     assert len(frame[0].prisms[0].cuts) == 2 * 3 + 3
+    laid, count = printed_parts(distinct_parts(legs))['frame_beam_x3']
+    assert count == 3
+    assert laid.extents == pytest.approx([136.0, 9.6, 9.6])
     # A long screw holds the ground to its wall.
     (axle,) = [part for part in legs[0].parts if part.name == 'pin D']
     assert min(prism.low for prism in axle.prisms) < -2.0 * 3.5e-3
