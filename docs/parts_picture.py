@@ -11,7 +11,7 @@ import sys
 
 from klann_ros.export import placed_legs
 from klann_ros.export.parts import distinct_parts
-from klann_ros.export.solids import glb, three_mf
+from klann_ros.export.solids import glb, printed_parts, three_mf
 from klann_ros.kinematics import colour_of
 from klann_ros.robot import robot_of
 import numpy as np
@@ -66,7 +66,7 @@ def render(meshes: Meshes, view: np.ndarray) -> np.ndarray:
                 continue
             shares = np.einsum('ij,jkl->ikl', np.linalg.inv(matrix), np.array([x, y, x * 0 + 1]))
             z = np.einsum('i,ikl->kl', triangle[:, 2], shares)
-            region = np.s_[y_0 : y_0 + x.shape[0], x_0 : x_0 + x.shape[1]]
+            region = slice(y_0, y_0 + x.shape[0]), slice(x_0, x_0 + x.shape[1])
             is_front = (shares >= -1e-9).all(axis=0) & (z > depth[region])
             depth[region][is_front] = z[is_front]
             picture[region][is_front] = shade * np.array(colour)
@@ -115,7 +115,7 @@ def save_picture(file: Path) -> None:
     """Save the fullest bed and the walker side by side."""
     legs = placed_legs(robot_of(str(ROBOT)), None, SCALE)
     bodies = {part.name: part.body for part in legs[0].parts}
-    beds = three_mf(distinct_parts(legs), BED)
+    beds = three_mf(printed_parts(distinct_parts(legs), BED), BED)
     bed = render(bed_meshes(max(beds, key=len), bodies), rotation(-70.0, 52.0))
     walker = render(robot_meshes(glb(legs)), rotation(-58.0, 24.0))
     picture = np.concatenate([bed, walker], axis=1)

@@ -32,7 +32,14 @@ from .frame import placed_legs
 from .parts import CLEARANCE, distinct_parts, Part, PlacedLeg
 from .plates import ExportError, slot_conflict
 from .ros2_control import ros2_control_files
-from .solids import glb, NoSolidsError, stl_files, three_mf
+from .solids import (
+    glb,
+    NoSolidsError,
+    oversize_warnings,
+    printed_parts,
+    stl_files,
+    three_mf,
+)
 from .urdf import urdf
 from .weights import MATERIALS, part_settings, part_sizes, weighed, weighed_file
 
@@ -134,18 +141,25 @@ def _contents(
         contents |= _plates(legs, settings, options)
         if options.glb is not None:
             contents['--glb'] = glb(legs)
-        parts = _printed_parts(legs, settings)
-        if options.stl is not None:
-            folders['--stl'] = stl_files(parts)
-        if getattr(options, '3mf') is not None:
-            beds = three_mf(parts, options.bed)
-            print(f'{counted(len(beds), "bed")} of {options.bed.real:g} x {options.bed.imag:g} mm')
-            contents['--3mf'] = beds[0]
-            contents |= {f'--3mf {number}': bed for number, bed in enumerate(beds[1:], 2)}
+        if options.stl is not None or getattr(options, '3mf') is not None:
+            meshes = printed_parts(_parts_to_print(legs, settings), options.bed)
+            folders['--stl'] = stl_files(meshes)
+            contents |= _beds(meshes, options)
     return contents, folders
 
 
-def _printed_parts(legs: Sequence[PlacedLeg], settings: Mapping[str, Any]) -> Sequence[Part]:
+def _beds(meshes: Mapping[str, tuple[Any, int]], options: argparse.Namespace) -> dict[str, bytes]:
+    """Return the 3MF of each bed by its option and number, if they are asked for."""
+    if getattr(options, '3mf') is None:
+        return {}
+    for warning in oversize_warnings(meshes, options.bed):
+        print(f'export: {warning}', file=sys.stderr)
+    beds = three_mf(meshes, options.bed)
+    print(f'{counted(len(beds), "bed")} of {options.bed.real:g} x {options.bed.imag:g} mm')
+    return {f'--3mf {n}' if n > 1 else '--3mf': bed for n, bed in enumerate(beds, 1)}
+
+
+def _parts_to_print(legs: Sequence[PlacedLeg], settings: Mapping[str, Any]) -> Sequence[Part]:
     """Return the parts of legs, without pins of another material, which are bought."""
     parts = distinct_parts(legs)
     material = settings.get('material')

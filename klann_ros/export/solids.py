@@ -5,7 +5,7 @@ manifold3d makes every solid, without gaps by its construction, and trimesh writ
 Both are imported only here, where they are used.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from io import BytesIO
 import re
@@ -18,7 +18,6 @@ import numpy as np
 
 from .outline import Outline, polyline
 from .parts import Part, PlacedLeg, Role
-from .plates import ExportError
 
 MM = 1e3
 # Distance of a chord from its arc, for printing and for looking at [m].
@@ -26,6 +25,8 @@ PRINT_TOLERANCE, VIEW_TOLERANCE = 2e-6, 2e-5
 # Space between the parts on a bed, and to its edges, where a skirt needs it [mm].
 PART_GAP, BED_MARGIN = 4.0, 10.0
 MAX_NAME = 48
+# Identifiers of a 3MF, and the namespaces that would demand them.
+UNNEEDED = rb'(?<=<item) xmlns="[^"]*"| (\w+:UUID|xmlns:\w+)="[^"]*"'
 HARDWARE_COLOUR, FRAME_COLOUR = '#26292e', '#8a8f98'
 
 
@@ -85,17 +86,19 @@ def printed_parts(parts: Sequence[Part], bed: complex = 0j) -> dict[str, tuple[A
     for part in parts:
         groups.setdefault(_shape(part), []).append(part)
     meshes: dict[str, tuple[Any, int]] = {}
+    stems: set[str] = set()
     for group in groups.values():
         first = group[0]
         names = dict.fromkeys(part.name.removeprefix(f'{first.role.value} ') for part in group)
         words = filter(None, dict.fromkeys([first.role.value, first.legs, *names]))
         count = sum(part.count for part in group)
-        stem = re.sub(r'[^A-Za-z0-9-]+', '_', '_'.join(words))[:MAX_NAME].strip('_')
-        name = f'{stem}_x{count}'
+        plain = re.sub(r'[^A-Za-z0-9-]+', '_', '_'.join(words))[:MAX_NAME].strip('_')
+        stem = plain
         for number in range(2, 2 + len(meshes)):
-            if name in meshes:
-                name = f'{stem}_{number}_x{count}'
-        meshes[name] = _laid(solid(first), first, bed), count
+            if stem in stems:
+                stem = f'{plain}_{number}'
+        stems.add(stem)
+        meshes[f'{stem}_x{count}'] = _laid(solid(first), first, bed), count
     return meshes
 
 
@@ -132,37 +135,35 @@ def _laid(mesh: Any, part: Part, bed: complex) -> Any:
     return mesh
 
 
-def stl_files(parts: Sequence[Part]) -> dict[str, bytes]:
-    """Return the distinct parts as binary STL in millimetres, by the names of their files."""
-    files = {}
-    for name, (mesh, _) in printed_parts(parts).items():
-        files[f'{name}.stl'] = mesh.export(file_type='stl')
-    return files
+def stl_files(meshes: Mapping[str, tuple[Any, int]]) -> dict[str, bytes]:
+    """Return printed parts as binary STL in millimetres, by the names of their files."""
+    return {f'{name}.stl': mesh.export(file_type='stl') for name, (mesh, _) in meshes.items()}
 
 
-def three_mf(parts: Sequence[Part], bed: complex) -> list[bytes]:
-    """
-    Return all parts as 3MF, a file for each bed of a size [mm].
+def oversize_warnings(meshes: Mapping[str, tuple[Any, int]], bed: complex) -> Iterator[str]:
+    """Yield a line for each printed part that is larger than a bed [mm]."""
+    for name, (mesh, _) in meshes.items():
+        width, depth, _ = mesh.extents
+        if not _fits(complex(width, depth), bed):
+            yield (
+                f'{name} is {width:.0f} x {depth:.0f} mm, larger than the bed with a margin of '
+                f'{BED_MARGIN:g} mm: cut it in the slicer, or use another --scale or --bed'
+            )
 
-    An ExportError names a part that is larger than a bed.
-    """
-    meshes = printed_parts(parts, bed)
+
+def three_mf(meshes: Mapping[str, tuple[Any, int]], bed: complex) -> list[bytes]:
+    """Return all printed parts as 3MF, a file for each bed of a size [mm]."""
     scenes = [_scene()]
     x = y = BED_MARGIN
     row_height = 0.0
     for name, (mesh, count) in sorted(meshes.items(), key=lambda item: -item[1][0].extents[1]):
         width, depth, _ = mesh.extents
-        if not _fits(complex(width, depth), bed):
-            raise ExportError(
-                f'{name} is {width:.0f} x {depth:.0f} mm, larger than the bed with a margin of '
-                f'{BED_MARGIN:g} mm: use a smaller --scale or a larger --bed'
-            )
         for copy in range(count):
-            if x + width + BED_MARGIN > bed.real:
+            if x > BED_MARGIN and x + width + BED_MARGIN > bed.real:
                 x = BED_MARGIN
                 y += row_height + PART_GAP
                 row_height = 0.0
-            if y + depth + BED_MARGIN > bed.imag:
+            if y > BED_MARGIN and y + depth + BED_MARGIN > bed.imag:
                 scenes.append(_scene())
                 x = y = BED_MARGIN
             row_height = max(row_height, depth)
@@ -174,11 +175,11 @@ def three_mf(parts: Sequence[Part], bed: complex) -> list[bytes]:
 
 
 def _without_uuids(content: bytes) -> bytes:
-    """Return a 3MF without its random identifiers, which strict readers refuse."""
+    """Return a 3MF without the random identifiers that strict readers refuse."""
     stream = BytesIO()
     with ZipFile(BytesIO(content)) as source, ZipFile(stream, 'w') as target:
         for name in source.namelist():
-            text = re.sub(rb' \w+:UUID="[^"]*"', b'', source.read(name))
+            text = re.sub(UNNEEDED, b'', source.read(name))
             target.writestr(ZipInfo(name), text, ZIP_DEFLATED)
     return stream.getvalue()
 
