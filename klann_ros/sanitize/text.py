@@ -56,12 +56,7 @@ def number_range(numbers: Iterable[float], form: str) -> str:
 
 
 def decimal(number: float, form: str) -> str:
-    """
-    Return a number in a format, and 0 without a sign.
-
-    >>> decimal(-0.04, '.1f'), decimal(-0.05, '.2f')
-    ('0.0', '-0.05')
-    """
+    """Return a number in a format, and 0 without a sign."""
     text = format(number, form)
     return text if text.strip('-0.') else text.removeprefix('-')
 

@@ -5,6 +5,7 @@ import unicodedata
 from hypothesis import given, strategies as st
 from klann_ros.sanitize.text import (
     counted,
+    decimal,
     error_with_place,
     in_words,
     listed,
@@ -40,6 +41,14 @@ def test_printable_text_is_one_line_of_visible_characters(text: str) -> None:
 )
 def test_control_characters_are_named(text: str, shown: str) -> None:
     assert printable(text) == shown
+
+
+@pytest.mark.parametrize('digits', range(4))
+@given(number=st.floats(-1e3, 1e3))
+def test_zero_has_no_sign(number: float, digits: int) -> None:
+    shown = decimal(number, f'.{digits}f')
+    assert float(shown) == float(f'{number:.{digits}f}')
+    assert shown.startswith('-') == (float(shown) < 0.0)
 
 
 def test_long_text_is_truncated_with_a_mark() -> None:

@@ -174,9 +174,8 @@ class CrankDrive extends Drive {
 
   enable(isMine) {
     this.slider.disabled = this.speed.disabled = this.halt.disabled = !isMine;
-    if (isMine) return;
-    this.setSpeed(0);
-    this.showCommand('none', 'none');
+    if (!isMine || !this.wasMine) this.setSpeed(0);
+    if (!isMine) this.showCommand('none', 'none');
   }
 
   setSpeed(value) {

@@ -269,18 +269,14 @@ class LiveState(PageState):
     def _solvers_of(self, topic: SubscribedTopic) -> dict[str, LiveSolver]:
         """Return the solvers with legs on a topic, by their keys."""
         solvers = {}
-        joint_names: list[str] = []
-        for _, message in topic.newest():
-            joint_names += message.name[:200]
+        joint_names = [name for _, message in topic.newest() for name in message.name[:200]]
 
         def has_joints(solver: LiveSolver) -> bool:
             return any({*joint_names} >= {*leg.joint_names} for leg in solver.legs)
 
         for node in self._graph.names_of_publishers(topic.name):
             if node in self._solvers:
-                # sim_node has a leg's parameters, and publishes its crank alone.
-                if not joint_names or has_joints(self._solvers[node]):
-                    solvers[node] = self._solvers[node]
+                solvers[node] = self._solvers[node]
             # A player's parameters never change: a second request is to another of the same name.
             elif node in self._watch.pending:
                 continue
@@ -294,7 +290,9 @@ class LiveState(PageState):
                     solvers[f'{node} {topic.name}'] = described
                 elif joint_names:
                     solvers[node] = assumed_solver(node, joint_names)
-        return solvers
+        # sim_node and a replay have a leg's parameters, and publish its crank alone as well.
+        is_silent = not joint_names
+        return {k: s for k, s in solvers.items() if is_silent or not s.legs or has_joints(s)}
 
     def _described_beside(self, topic: SubscribedTopic) -> Sequence[SolverParameters]:
         """Return the solvers described beside a topic, or else in another namespace."""
