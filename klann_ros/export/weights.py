@@ -59,8 +59,8 @@ class Material(NamedTuple):
     def mass(self, part: Part) -> BodyMass:
         """Return the mass of a part; centre and inertia are those of an even infill."""
         solid = part.mass(self.density)
-        hollow = (1.0 - self.infill) * sum(map(self._core_volume, part.prisms)) / part.volume
-        filled = 1.0 - hollow
+        core = sum(map(self._core_volume, part.prisms)) / part.volume
+        filled = 1.0 - (1.0 - self.infill) * core
         return solid._replace(mass=filled * solid.mass, inertia=filled * solid.inertia)
 
     def _core_volume(self, prism: Prism) -> float:
@@ -79,13 +79,12 @@ def part_settings(
     legs: Iterable[RobotLeg], changes: Mapping[str, Any], unit: float
 ) -> dict[str, Any]:
     """Return `parts` of the first leg that has them in its file, changed by others [unit]; [m]."""
-    settings: dict[str, Any] = {}
-    for leg in legs:
-        content = parse(leg.description) if leg.description else {}
-        if 'parts' in content:
-            settings = _converted(content['parts'], _metre(content))
-            break
+    contents = (parse(leg.description) for leg in legs if leg.description)
+    content: Any = next((content for content in contents if 'parts' in content), {})
+    settings = _converted(content.get('parts', {}), _metre(content))
+    holes = settings.get('holes', {})
     settings |= _converted(changes, unit)
+    settings['holes'] = {**holes, **settings.get('holes', {})}
     sizes = {f'parts.{name}': settings[name] for name in LENGTHS if name in settings}
     warn_of_lengths(sizes, 'write units: {length: mm}', MAX_PART_SIZE)
     if 'material' in settings:

@@ -191,6 +191,9 @@ def test_a_weighed_file_is_weighed_again_by_its_own_sizes(
     assert again.read_text() == weighed_leg.read_text()
     thick = tmp_path / 'thick.yaml'
     assert main([str(again), '--weighed', str(thick), '--thickness', '6', '--hole', 'Y=5']) == 0
+    wide = tmp_path / 'wide.yaml'
+    assert main([str(thick), '--weighed', str(wide), '--hole', 'W=4.5']) == 0
+    assert parse(wide.read_text())['parts']['holes'] == {'Y': 0.5, 'W': 0.45}
     parts = parse(thick.read_text())['parts']
     assert parts['thickness'] == pytest.approx(0.6)
     assert parts['holes'] == {'Y': 0.5}
