@@ -10,8 +10,8 @@ from klann_ros.engines import parallel_map, TaskError
 from klann_ros.export import scene_parts
 from klann_ros.robot import robot_from_parameters
 
-# Limit of the search for layers, which takes seconds: after it there are no parts [s].
-TIMEOUT = 60.0
+# Limit of the search for layers: it takes seconds, on a busy machine minutes [s].
+TIMEOUT = 300.0
 # Walkers with parts; one that is resized all the time would have no end.
 _MAX_WALKERS = 16
 
