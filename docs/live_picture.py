@@ -18,7 +18,7 @@ from playwright.sync_api import sync_playwright
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'docs' / 'live.png'
 WALKER = ROOT / 'config' / 'printed_walker.yaml'
-SIZE = {'width': 1280, 'height': 1390}
+SIZE = {'width': 1280, 'height': 1340}
 # Until the charts are full [s].
 SECONDS = 32.0
 # At the speed of walking [m/s]; drawn as smoothly as by a graphics card.
