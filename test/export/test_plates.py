@@ -281,7 +281,8 @@ def filled_area(path: str) -> Polygon:
             place = complex(x, -y)
             if arc:
                 radius, _, _, is_long, is_clockwise = arc
-                assert not (is_long or is_clockwise)
+                assert not is_long
+                assert not is_clockwise
                 half_angle = np.arcsin(min(abs(place - corners[-1].at) / 2 / radius, 1.0))
                 corners[-1] = Corner(corners[-1].at, float(np.tan(half_angle / 2)))
             corners.append(Corner(place))
