@@ -17,11 +17,11 @@ from playwright.sync_api import sync_playwright
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'docs' / 'design.png'
 REQUIREMENTS = ROOT / 'examples' / 'requirements' / 'toy.yaml'
-SIZE = {'width': 1280, 'height': 1290}
+SIZE = {'width': 1280, 'height': 800}
 
 
 def save_picture(file: Path) -> None:
-    """Save what one sees of the legs for a toy, two of them side by side."""
+    """Save what one sees of the legs for a toy, the aims and the list."""
     result = search(requirements_from_file(REQUIREMENTS), evaluations=6000)
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         path = Path(folder, 'index.html')
@@ -33,7 +33,6 @@ def save_picture(file: Path) -> None:
         )
         opened = browser.new_page(viewport=SIZE, reduced_motion='reduce')
         opened.goto(path.as_uri())
-        opened.locator('[type=range]').fill('200')
         opened.screenshot(path=file)
         browser.close()
 

@@ -42,11 +42,11 @@ class WalkerView {
   }
 
   build() {
-    const { walker, points } = this.leg;
+    const { walker } = this.leg;
     const { parts } = walker;
-    const numbers = points.flat(2);
-    const box = [Math.min(...numbers), Math.max(...numbers)];
-    const shape = { ...this.leg.shape, box };
+    const { x, y } = boxOf(this.leg);
+    const corner = (side) => [x.middle + side * x.size, y.middle + side * y.size];
+    const shape = { ...this.leg.shape, box: [...corner(-0.5), ...corner(0.5)] };
     const legs = walker.legs.map((name) => {
       const { mount_xyz: xyz, mount_rpy: rpy } = walker[name];
       const placed = parts?.legs[name];
