@@ -21,13 +21,7 @@ from .drawing import Drawing, drawing, dxf, NoEzdxfError, svg
 from .frame import placed_legs
 from .layers import Layers, layers
 from .outline import polyline
-from .parts import (
-    Part,
-    PartSizes,
-    PlacedLeg,
-    Prism,
-    Role,
-)
+from .parts import Part, PartSizes, PlacedLeg, Prism, Role
 from .plates import ExportError, Plate, plates
 from .scene import scene_parts
 from .urdf import urdf

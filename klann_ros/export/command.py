@@ -29,6 +29,7 @@ from klann_ros.twin import robot_mjcf
 from .assembly import assembly, spacers
 from .drawing import drawing, dxf, NoEzdxfError, svg
 from .frame import placed_legs
+from .layers import Layers
 from .parts import CLEARANCE, distinct_parts, Part, PlacedLeg
 from .plates import ExportError, slot_conflict
 from .ros2_control import ros2_control_files
@@ -206,13 +207,22 @@ def _plates(
     widths = f'{width}, holes {1e3 * sizes.hole:g} mm'
     size = f'{sheet.size.real:.0f} x {sheet.size.imag:.0f} mm'
     print(f'{plate_count}, {widths}, in {layer_count}, drawn on {size}')
+    _print_remarks(legs, stacks)
+    return contents
+
+
+def _print_remarks(legs: Sequence[PlacedLeg], stacks: Sequence[Layers]) -> None:
+    """Print which legs had to move out, and which pins cannot be whole."""
+    for leg in legs:
+        if leg.offset:
+            name = printable(leg.leg.name)
+            print(f'{name} is {1e3 * abs(leg.offset):.4g} mm further out than its mount_xyz')
     for stack in stacks:
         for stub in stack.stubs:
             crossing = printable_line(', '.join(stack.plates[p].name for p in stub.crossing))
             name = printable(stub.shaft.name)
             problem = f'the pin {name} must be a stub: {crossing} passes through it'
             print(f'export: no arrangement leaves all pins whole; {problem}', file=sys.stderr)
-    return contents
 
 
 _positive = number_type(lambda n: 0.0 < n < 1e6, 'a number > 0 (and < 1e6)')

@@ -11,7 +11,8 @@ the pivots of the grounds. Square beams join the walls where no leg passes.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import groupby, product
+from operator import attrgetter
 from typing import Any
 
 from klann_ros.kinematics import FIXED
@@ -32,8 +33,6 @@ from .parts import (
 )
 from .plates import Hole, joined_links, merged_holes, Plate, plates
 
-# Normals of parallel planes differ by less.
-ALIGNMENT = 1e-9
 # Positions of a turn at which legs are compared, and the share of them for two joints.
 POSITIONS, JOINTS_STRIDE = 360, 5
 # Beams between two walls, the least angle between them, and the directions that are tried [deg].
@@ -60,15 +59,13 @@ def placed_legs(
     robot = _scaled(robot, scale)
     width = sizes.link_width(max(leg.linkage.size for leg in robot.legs))
     robot_plates = plates(robot, hole=sizes.hole, width=width, holes=sizes.holes)
-    plates_of: dict[str, list[Plate]] = {}
-    for plate in robot_plates:
-        plates_of.setdefault(plate.legs, []).append(plate)
-    linkages = dict.fromkeys(leg.linkage for leg in robot.legs)
     stacks = {}
-    for linkage, leg_plates in zip(linkages, plates_of.values(), strict=True):
-        stacks[linkage] = layers(linkage, leg_plates)
+    linkages = dict.fromkeys(leg.linkage for leg in robot.legs)
+    leg_plates = groupby(robot_plates, key=attrgetter('legs'))
+    for linkage, (_, group) in zip(linkages, leg_plates, strict=True):
+        stacks[linkage] = layers(linkage, [*group])
     axes = np.array([leg.mount.rotation[:, 2] for leg in robot.legs])
-    is_framed = robot.is_walker and bool((abs(axes @ axes[0]) > 1.0 - ALIGNMENT).all())
+    is_framed = robot.is_walker and np.allclose(abs(axes @ axes[0]), 1.0, rtol=0.0)
     is_framed = is_framed and not any(stack.layer[0] for stack in stacks.values())
     parts = {}
     for linkage, stack in stacks.items():
@@ -118,12 +115,8 @@ def _framed(legs: Sequence[PlacedLeg], sizes: PartSizes) -> list[PlacedLeg]:
     sweeps = [_sweep(placed, plane) for placed in legs]
     width = legs[0].stack.plates[0].width
     walls: list[_Wall] = []
-    sides = []
-    heights = []
-    for placed in legs:
-        mount = placed.leg.mount
-        sides.append(round(float(placed.direction * (mount.rotation[:, 2] @ axis))))
-        heights.append(sides[-1] * float(np.array(mount.xyz) @ axis))
+    sides = [round(leg.direction * float(leg.leg.mount.rotation[:, 2] @ axis)) for leg in legs]
+    heights = np.array(sides) * [float(leg.leg.mount.xyz @ axis) for leg in legs]
     for k in sorted(range(len(legs)), key=lambda k: heights[k]):
         inner = [wall for wall in walls if wall.side == sides[k]]
         for wall in inner:
@@ -218,11 +211,10 @@ def _beam_places(
     legs: Sequence[PlacedLeg], sweeps: Sequence[Any], plane: Mount, width: float
 ) -> list[complex]:
     """Return the places of beams in a plane, near the pivots and clear of all legs."""
-    pivots = []
+    pivots: list[complex] = []
     for placed in legs:
-        pivots += [
-            _in_plane(plane, placed.leg.mount, hole.at) for hole in placed.stack.plates[0].holes
-        ]
+        holes = np.array([hole.at for hole in placed.stack.plates[0].holes])
+        pivots += [*_in_plane(plane, placed.leg.mount, holes)]
     lines = np.concatenate([sweep.reshape(2, -1) for sweep in sweeps], axis=1)
     clearance = (0.5 + BEAM_RADIUS) * width + CLEARANCE + max(map(_step, sweeps)) / 2.0
     candidates = []
