@@ -39,13 +39,12 @@ const QUALITIES = [
   [1, false],
   [0.7, false],
 ];
-// A frame that takes longer is too slow, and one that takes less leaves time for the next quality
-// [ms]; a few are measured, each after this number of frames.
+// A picture that takes longer is too slow, and one that takes less leaves time for the next quality,
+// by the median of some [ms].
 const SLOW_FRAME = 28;
 const FAST_FRAME = 9;
-const MEASURE_PERIOD = 20;
+const MEASUREMENTS = 15;
 const POLL_PERIOD = 2;
-const MEASUREMENTS = 3;
 
 class RobotScene {
   constructor(canvas, { isFree } = {}) {
@@ -66,7 +65,7 @@ class RobotScene {
     this.legs = [];
     this.meshes = [];
     this.quality = 0;
-    this.frames = 0;
+    this.isBusy = false;
     this.costs = [];
     this.isDue = false;
     this.orbit = new Orbit(canvas, () => this.draw(), isFree);
@@ -272,10 +271,14 @@ class RobotScene {
     this.shadow.matrixWorldNeedsUpdate = true;
   }
 
-  /** Render with the next frame of the screen, once. */
+  /** Render with the next frame of the screen, once, but not before the last picture is complete. */
   draw() {
     if (this.isDue || !this.isSeen) return;
     this.isDue = true;
+    if (!this.isBusy) this.request();
+  }
+
+  request() {
     requestAnimationFrame(() => this.isDue && this.render());
   }
 
@@ -292,30 +295,34 @@ class RobotScene {
     this.camera.lookAt(middle);
     [this.scene.fog.near, this.scene.fog.far] = FOG.map((part) => distance + part * this.size);
     this.renderer.render(this.scene, this.camera);
-    this.frames += 1;
-    if (this.frames % MEASURE_PERIOD === 0) this.measureCost(begin);
+    this.follow(begin);
   }
 
-  /** Measure the time until the picture is complete, without waiting for it. */
-  measureCost(begin) {
+  /** Notice when a picture is complete: without this a slow renderer would be behind for seconds. */
+  follow(begin) {
     const gl = this.renderer.getContext();
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
+    this.isBusy = true;
     const poll = () => {
-      if (gl.isContextLost()) return;
-      if (gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.SIGNALED) {
-        gl.deleteSync(fence);
-        this.adapt(performance.now() - begin);
-      } else setTimeout(poll, POLL_PERIOD);
+      const isLost = gl.isContextLost();
+      if (!isLost && gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) {
+        setTimeout(poll, POLL_PERIOD);
+        return;
+      }
+      gl.deleteSync(fence);
+      this.isBusy = false;
+      if (!isLost) this.adapt(performance.now() - begin);
+      if (this.isDue) this.request();
     };
-    poll();
+    setTimeout(poll);
   }
 
   /** Reduce the quality where most of the measured pictures took too long; raise it where not. */
   adapt(cost) {
     this.costs.push(cost);
     if (this.costs.length < MEASUREMENTS) return;
-    const [, median] = this.costs.sort((a, b) => a - b);
+    const median = this.costs.sort((a, b) => a - b)[(MEASUREMENTS - 1) / 2];
     this.cost = median;
     const step = median > SLOW_FRAME ? 1 : median < FAST_FRAME ? -1 : 0;
     this.restartMeasurements(Math.min(QUALITIES.length - 1, Math.max(0, this.quality + step)));
