@@ -26,6 +26,8 @@ ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'docs' / 'walker.webp'
 WALKER = ROOT / 'config' / 'printed_walker.yaml'
 SIZE = (720, 400)
+# Sky that is cut off [px].
+SKY = 60
 # A turn of the cranks is one loop.
 FRAMES = 48
 FRAME_TIME = 1.0 / 15.0
@@ -113,7 +115,8 @@ def rendered(page: Page, robot: Robot) -> list[Image.Image]:
     for frame in simulated_frames(robot):
         content = page.evaluate(RENDER, frame).partition(',')[2]
         picture = Image.open(BytesIO(b64decode(content))).convert('RGB')
-        pictures.append(picture.resize(SIZE, Image.Resampling.LANCZOS))
+        picture = picture.resize(SIZE, Image.Resampling.LANCZOS)
+        pictures.append(picture.crop((0, SKY, *SIZE)))
     return pictures
 
 
