@@ -90,13 +90,8 @@ def walker_parameters(leg: RobotLeg, options: Mapping[str, Any]) -> dict[str, An
     The rear legs are front legs turned by half a turn about the vertical, whose cranks turn the
     other way; the middle of their stance is that of the front legs of their group. With six legs
     the middle ones stand beside the body's middle, with eight there are two legs at each corner,
-    half a turn apart; these are outside of the others.
-
-    Raises
-    ------
-    KinematicsError
-        The leg has no foot path, or no stance.
-
+    half a turn apart; these are outside of the others. Raises a KinematicsError for a leg without
+    a foot path or a stance.
     """
     linkage = leg.linkage
     structure = linkage.structure

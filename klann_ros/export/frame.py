@@ -21,16 +21,7 @@ import numpy as np
 
 from .layers import CLEARANCE, distances, layers
 from .outline import Corner, outlines
-from .parts import (
-    Part,
-    PartSizes,
-    PlacedLeg,
-    plate_prism,
-    Prism,
-    Role,
-    stack_parts,
-    WALL_LAYER,
-)
+from .parts import Part, PartSizes, PlacedLeg, plate_prism, Prism, Role, stack_parts, WALL_LAYER
 from .plates import Hole, joined_links, merged_holes, Plate, plates
 
 # Positions of a turn at which legs are compared, and the share of them for two joints.

@@ -41,11 +41,7 @@ def solid(part: Part, tolerance: float = PRINT_TOLERANCE) -> Any:
     """
     Return a part as a trimesh.Trimesh in millimetres, in its place.
 
-    Raises
-    ------
-    NoSolidsError
-        trimesh or manifold3d is not installed.
-
+    Raises a NoSolidsError if trimesh or manifold3d is not installed.
     """
     try:
         from manifold3d import CrossSection, Manifold, OpType  # noqa: PLC0415 - an extra

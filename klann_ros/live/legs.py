@@ -168,10 +168,7 @@ def assumed_solver(node: str, names: Sequence[str]) -> LiveSolver:
     for name, separator in legs[:MAX_LEGS]:
         live_legs.append(LiveLeg(name, LegSolver(leg=leg, joint_separator=separator)))
     return LiveSolver(
-        node,
-        tuple(live_legs),
-        does='published by',
-        note=_ASSUMED if legs else _UNKNOWN_SOLVER,
+        node, tuple(live_legs), does='published by', note=_ASSUMED if legs else _UNKNOWN_SOLVER
     )
 
 

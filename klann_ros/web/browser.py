@@ -40,11 +40,7 @@ def print_page(page: bytes) -> bytes:
     """
     Return an HTML page as PDF, printed by a Chromium of this machine.
 
-    Raises
-    ------
-    PrintError
-        There is none, or it fails.
-
+    Raises a PrintError if there is none, or it fails.
     """
     program = next(filter(None, map(shutil.which, _CHROMIUMS)), None)
     if program is None:

@@ -28,18 +28,10 @@ def number(value: float | None, form: str) -> str:
 
 def element(name: str, *content: str, **attributes: str | float | bool) -> Markup:
     """
-    Return an element.
+    Return an element, such as 'p'; content is escaped as text unless it is Markup.
 
-    Parameters
-    ----------
-    name : str
-        Such as 'p'.
-    *content : str
-        Its content; anything but Markup is escaped as text.
-    **attributes : str, number or bool
-        An underscore stands for a hyphen and ends a name that Python keeps for itself; False
-        leaves the attribute out.
-
+    In names of attributes an underscore stands for a hyphen and ends a name that Python keeps for
+    itself; False leaves the attribute out.
     """
     attributes_text = ''.join(_attribute(key, value) for key, value in attributes.items())
     if name in _VOID:

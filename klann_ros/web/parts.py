@@ -31,20 +31,11 @@ BLANKS = re.compile(
 
 @dataclass(frozen=True)
 class Parts:
-    """
-    The files of a page.
-
-    Attributes
-    ----------
-    styles, scripts : sequence of pathlib.Path
-        In this order: each uses what stands before it.
-    is_compact : bool
-        Leave out comments and needless blanks, and join each sort of files.
-
-    """
+    """The files of a page, in this order: each uses what stands before it."""
 
     styles: Sequence[Path]
     scripts: Sequence[Path]
+    # Whether comments and needless blanks are left out, and each sort of files is joined.
     is_compact: bool = False
 
     def page(self, title: str, *content: str, data: object = None, language: str = 'en') -> str:

@@ -12,18 +12,8 @@ def leg_shape(leg: Any) -> dict[str, Any]:
 
     The point p is at the sum of w_j u_j over the bodies, plus a constant: `terms` has its j, Re
     w_j and Im w_j. A body that turns has u_j = exp(i s_j x_j), and `senses` has the s_j; one that
-    slides has u_j = x_j u_f, and `frames` has its f: -1 for the ground, null for what turns.
-
-    Parameters
-    ----------
-    leg : Linkage, KlannGeometry, FourBarGeometry or leg
-        The linkage.
-
-    Raises
-    ------
-    TypeError
-        `leg` is none of these.
-
+    slides has u_j = x_j u_f, and `frames` has its f: -1 for the ground, null for what turns. The
+    leg may be a Linkage, a KlannGeometry or a FourBarGeometry; a TypeError for anything else.
     """
     linkage = as_linkage(leg)
     structure = linkage.structure
