@@ -41,8 +41,10 @@ const QUALITIES = [
 ];
 // A picture that takes longer is too slow, and one that takes less leaves time for the next quality,
 // by the median of some [ms].
-const SLOW_FRAME = 28;
-const FAST_FRAME = 9;
+const SLOW_FRAME = 45;
+const FAST_FRAME = 12;
+// A fence is noticed late: with fewer under way the renderer waits, with more the view is behind.
+const MAX_PENDING = 3;
 const MEASUREMENTS = 15;
 const POLL_PERIOD = 2;
 
@@ -65,7 +67,8 @@ class RobotScene {
     this.legs = [];
     this.meshes = [];
     this.quality = 0;
-    this.isBusy = false;
+    // Pictures under way.
+    this.pending = 0;
     this.costs = [];
     this.isDue = false;
     this.orbit = new Orbit(canvas, () => this.draw(), isFree);
@@ -271,11 +274,11 @@ class RobotScene {
     this.shadow.matrixWorldNeedsUpdate = true;
   }
 
-  /** Render with the next frame of the screen, once, but not before the last picture is complete. */
+  /** Render with the next frame of the screen, once, but not with several pictures under way. */
   draw() {
     if (this.isDue || !this.isSeen) return;
     this.isDue = true;
-    if (!this.isBusy) this.request();
+    if (this.pending < MAX_PENDING) this.request();
   }
 
   request() {
@@ -303,7 +306,7 @@ class RobotScene {
     const gl = this.renderer.getContext();
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
-    this.isBusy = true;
+    this.pending += 1;
     const poll = () => {
       const isLost = gl.isContextLost();
       if (!isLost && gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) {
@@ -311,7 +314,7 @@ class RobotScene {
         return;
       }
       gl.deleteSync(fence);
-      this.isBusy = false;
+      this.pending -= 1;
       if (!isLost) this.adapt(performance.now() - begin);
       if (this.isDue) this.request();
     };
