@@ -28,7 +28,7 @@ TOY = {
         'duty_factor': {'at_least': 0.3},
     },
     'walker': {'legs': 8},
-    'count': 3,
+    'count': 6,
 }
 
 
