@@ -107,7 +107,9 @@ def _framed(legs: Sequence[PlacedLeg], sizes: PartSizes) -> list[PlacedLeg]:
     width = legs[0].stack.plates[0].width
     walls: list[_Wall] = []
     sides = [round(leg.direction * float(leg.leg.mount.rotation[:, 2] @ axis)) for leg in legs]
-    heights = np.array(sides) * [float(leg.leg.mount.xyz @ axis) for leg in legs]
+    positions = np.array([leg.leg.mount.xyz for leg in legs]) @ axis
+    heights: Any = np.array(sides) * positions
+    is_two_sided = len({*sides}) == 2
     for k in sorted(range(len(legs)), key=lambda k: heights[k]):
         inner = [wall for wall in walls if wall.side == sides[k]]
         for wall in inner:
@@ -118,7 +120,11 @@ def _framed(legs: Sequence[PlacedLeg], sizes: PartSizes) -> list[PlacedLeg]:
                 walls[walls.index(wall)] = replace(wall, legs=(*wall.legs, k))
                 break
         else:
-            height = heights[k]
+            height = float(heights[k])
+            if is_two_sided:
+                # The middle is between the walls of both sides.
+                middle = sides[k] * float(positions.mean())
+                height = max(height, middle - WALL_LAYER * sizes.pitch)
             if inner:
                 layer_count = max(legs[m].stack.count for m in inner[-1].legs) + 1 - WALL_LAYER
                 height = max(height, inner[-1].height + layer_count * sizes.pitch)
@@ -162,10 +168,10 @@ def _wall_part(legs: Sequence[PlacedLeg], places: Sequence[complex], sizes: Part
     return Part('wall', Role.FRAME, FIXED, (prism,))
 
 
-def _in_plane(mount: Mount, plane: Mount, point: Any) -> Any:
-    """Return points of a mount's plane in the coordinates of a parallel plane."""
-    places = plane.transform(np.stack([np.real(point), np.imag(point)], axis=-1))
-    x_y = (places - np.array(mount.xyz)) @ mount.rotation[:, :2]
+def _in_plane(target: Mount, source: Mount, points: Any) -> Any:
+    """Return points of the plane of the mount `source` in that of a parallel `target`."""
+    places = source.transform(np.stack([np.real(points), np.imag(points)], axis=-1))
+    x_y = (places - np.array(target.xyz)) @ target.rotation[:, :2]
     return x_y @ (1.0, 1j)
 
 
