@@ -15,8 +15,8 @@ import numpy as np
 
 # As parts of the distance: rounding, the shortest piece, gaps between pieces, the least curve.
 ZERO, MIN_PIECE, MAX_PIECE_GAP, MIN_EXTENT = 1e-9, 1e-6, 1e-5, 1e-3
-# Chords of an arc for moments: its area is then exact to 1e-5.
-ARC_CHORDS = 256
+# Distance of chords from arcs where moments and lengths are measured [m].
+FINE_TOLERANCE = 2e-7
 Segment = tuple[complex, complex]
 
 
@@ -114,22 +114,12 @@ def polyline(outline: Outline, tolerance: float) -> Iterator[complex]:
 
 def moments(outline: Outline) -> Any:
     """Return the area of a curve, and its first and polar second moments about the origin."""
-    start = np.array([*_points(outline)])
+    start = np.array([*polyline(outline, FINE_TOLERANCE)])
     end = np.roll(start, -1)
     doubled = (start.conj() * end).imag
     squares = abs(start) ** 2 + (start * end.conj()).real + abs(end) ** 2
     first = doubled * (start + end)
     return np.array([doubled.sum() / 2.0, first.sum() / 6.0, (doubled * squares).sum() / 12.0])
-
-
-def _points(outline: Outline) -> Iterator[complex]:
-    """Yield the corners of a curve, and points on its arcs."""
-    for corner, following in zip(outline, (*outline[1:], outline[0]), strict=True):
-        yield corner.at
-        if corner.bulge:
-            angle = 4.0 * atan(corner.bulge)
-            turned = np.expm1(1j * angle * np.arange(1, ARC_CHORDS) / ARC_CHORDS)
-            yield from corner.at + (following.at - corner.at) * turned / np.expm1(1j * angle)
 
 
 def _edges(segments: Sequence[Segment], radius: float) -> list[_Piece]:

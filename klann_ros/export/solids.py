@@ -118,13 +118,13 @@ def _laid(mesh: Any, part: Part, bed: complex) -> Any:
     if part.role is Role.FRAME and np.ptp(points[:, 2]) > np.ptp(points[:, :2], axis=0).max():
         points = points[:, [2, 0, 1]]
     plane = points[:, 0] + 1j * points[:, 1]
-    candidates = []
-    for rotation in np.exp(1j * np.radians(np.arange(180.0))):
+
+    def cost(rotation: complex) -> tuple[bool, bool, float]:
         rotated = plane * rotation
         extent = complex(np.ptp(rotated.real), np.ptp(rotated.imag))
-        cost = not _fits(extent, bed), extent.real < extent.imag, extent.imag
-        candidates.append((*cost, rotation))
-    plane *= min(candidates)[-1]
+        return not _fits(extent, bed), extent.real < extent.imag, extent.imag
+
+    plane *= min(np.exp(1j * np.radians(np.arange(180.0))), key=cost)
     points[:, 0] = plane.real
     points[:, 1] = plane.imag
     mesh.vertices = points - points.min(axis=0)

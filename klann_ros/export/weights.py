@@ -27,7 +27,7 @@ from klann_ros.sanitize.yaml_text import dump, parameter_file, parse, parse_file
 import numpy as np
 
 from .frame import placed_legs
-from .outline import polyline
+from .outline import FINE_TOLERANCE, polyline
 from .parts import Part, PartSizes, PlacedLeg, Prism
 from .plates import ExportError
 
@@ -37,8 +37,6 @@ MATERIALS: dict[str, float] = parse_file(Path(__file__).with_name('materials.yam
 # Thickness of printed walls, bottoms and tops [m]: the mass is then within 3.5 % of the filament
 # that PrusaSlicer takes for two perimeters, and 4 and 5 solid layers of 0.2 mm.
 DEFAULT_WALL = 1e-3
-# Of a curve, to measure its length [m].
-CHORD_TOLERANCE = 1e-5
 # A greater size of a part was probably given in another unit [m].
 MAX_PART_SIZE = 0.5
 SIZES = tuple(field.name for field in fields(PartSizes))
@@ -70,7 +68,7 @@ class Material(NamedTuple):
         # All curves but the outer one have the material outside.
         area = prism.moments[0].real / height + pi * self.wall**2 * (2 - len(curves))
         for curve in curves:
-            points = np.array([*polyline(curve, CHORD_TOLERANCE)])
+            points = np.array([*polyline(curve, FINE_TOLERANCE)])
             area -= self.wall * abs(points - np.roll(points, 1)).sum()
         return max(0.0, height - 2.0 * self.wall) * max(0.0, float(area))
 
