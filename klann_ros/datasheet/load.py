@@ -16,6 +16,8 @@ EDGE_OFFSET = 1e-9
 # this number of samples between its neighbours.
 EXTREME_PART = 0.02
 EXTREME_SAMPLES = 15
+# Digits of a sampled angle: finer than EDGE_OFFSET [rad].
+ANGLE_DIGITS = 12
 FootForces = dict[str, tuple[float, float]]
 
 
@@ -86,7 +88,8 @@ def with_extremes(angles: FloatArray, curves: Iterable[FloatArray]) -> FloatArra
             is_near_top = upright > upright.max() - EXTREME_PART * curve_range
             peaks.update(np.flatnonzero(is_peak & is_near_top).tolist())
     refined = [np.linspace(padded[k], padded[k + 2], EXTREME_SAMPLES + 2)[1:-1] for k in peaks]
-    return np.unique(np.concatenate([angles, *refined]) % turn)
+    # Samples of neighbouring peaks coincide but for rounding.
+    return np.unique(np.round(np.concatenate([angles, *refined]), ANGLE_DIGITS) % turn)
 
 
 def crank_load(legs: Sequence[LoadedLeg], load: float, angles: FloatArray) -> CrankLoad:

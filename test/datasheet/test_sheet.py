@@ -10,6 +10,7 @@ from change_point_linkages import change_point_file, FEET
 from klann_ros.datasheet import data_sheet, DataSheet, Motor, SheetError
 from klann_ros.datasheet.figures import joint_force_table
 from klann_ros.datasheet.json_report import report
+from klann_ros.datasheet.load import turn_angles, with_extremes
 from klann_ros.datasheet.page import _leg_charts, page
 from klann_ros.datasheet.sheet import cases
 from klann_ros.datasheet.text import sheet_text
@@ -366,3 +367,9 @@ def test_margins_of_coupled_loops_are_computed_on_request() -> None:
 def test_forces_on_sliders_have_a_moment() -> None:
     (leg,) = data_sheet(weighed(robot_of('slider_crank')), samples=60).legs
     assert [joint.name for joint in leg.empty.joints if joint.moment is not None]
+
+
+def test_a_curve_of_rounding_errors_has_no_steps_at_its_extremes() -> None:
+    angles = turn_angles(360)
+    curve = 1e-17 * np.sin(1e4 * angles)
+    assert np.diff(with_extremes(angles, [curve])).min() > 1e-6
