@@ -201,7 +201,9 @@ class SubscribedTopic:
         self.rate.add(info['publication_sequence_number'])
         if self._on_update is None or len(data) > _MAX_MESSAGE_SIZE:
             return
-        key = (len(data) if self.kind == JOINT_STATE_TYPE else 0, data[_JOINT_NAME_BYTES])
+        # Those bytes of an odometry are its numbers.
+        names = b'' if self.kind == ODOMETRY_TYPE else data[_JOINT_NAME_BYTES]
+        key = (len(data) if self.kind == JOINT_STATE_TYPE else 0, names)
         if key not in self._newest and len(self._newest) >= _MAX_NAME_SETS:
             self._newest.clear()
             self._decoded.clear()

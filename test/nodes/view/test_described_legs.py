@@ -8,9 +8,12 @@ from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.live.legs import drawn_shape
 from klann_ros.log.run_parameters import leg_description, SolverParameters
 from klann_ros.nodes.endpoints import LATCHED
-from klann_ros.nodes.view.connections import Graph
+from klann_ros.nodes.raw_executor import RawCallbackGroup
+from klann_ros.nodes.view.connections import Graph, ODOMETRY_TYPE, SubscribedTopic
 from klann_ros.nodes.view.live_state import LiveState
+from nav_msgs.msg import Odometry
 import pytest
+from rclpy.serialization import serialize_message
 from ros_domain import Domain
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -79,3 +82,13 @@ def test_a_walk_is_offered_while_a_node_subscribes_to_cmd_vel(ros: Domain) -> No
     assert graph.walker_topics(graph.topics()) == []
     ros.probe.listen(TwistStamped, 'cmd_vel')
     ros.probe.until(lambda: graph.walker_topics(graph.topics()) == ['/cmd_vel'])
+
+
+def test_the_newest_odometry_alone_is_stored(ros: Domain) -> None:
+    node = ros.probe.add_node('page')
+    topic = SubscribedTopic(node, RawCallbackGroup(), 'odom', ODOMETRY_TYPE, lambda: None)
+    for x in range(40):
+        message = Odometry()
+        message.pose.pose.position.x = float(x)
+        topic._on_message(serialize_message(message), {'publication_sequence_number': x})
+    assert [message.pose.pose.position.x for _, message in topic.newest()] == [39.0]
