@@ -170,10 +170,15 @@ def box_of_parts(robot: Robot) -> np.ndarray:
     return np.array([corners.min(axis=0), corners.max(axis=0)])
 
 
-def test_a_leg_alone_stays_in_its_plane(visit_live: Callable[..., OpenedPage]) -> None:
+def test_a_leg_alone_stays_in_its_plane_and_messages_in_units_of_the_page(
+    visit_live: Callable[..., OpenedPage],
+) -> None:
     opened = visit_live(WalkerState(LEG))
     assert not [request for request in opened.requests if 'three' in request]
     assert opened.page.locator('#space').is_hidden()
+    told = 'left +0.021 rad (+1.2 deg), right -0.35 rad (-20.1 deg), 0.25 m'
+    in_page_units = opened.page.evaluate('(text) => inPageUnits(text)', told)
+    assert in_page_units == 'left +1.2°, right -20.1°, 250 mm'
 
 
 def test_without_webgl_a_line_says_so_and_the_flat_views_stay(

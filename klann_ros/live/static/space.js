@@ -9,7 +9,7 @@ const PAGE_UNITS = {
   'm/s': ['mm/s', 1000],
   'rad/s': ['°/s', 360 / TURN],
 };
-const SI_QUANTITY = /(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) (rad|m)(\/s)?(?![\w/²^])(?: \([-\d.]+ deg\))?/g;
+const SI_QUANTITY = /(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) (rad|m)(\/s)?(?![\w/²^])(?: \([+]?([-\d.]+) deg\))?/g;
 
 /** Return a number in SI units as the page shows it, without the last digits of the conversion. */
 function inPageUnit(value, unit) {
@@ -29,7 +29,8 @@ function quantityText(value, unit) {
 
 /** Return a message of a node of ours with its lengths and angles in the page's units. */
 function inPageUnits(text) {
-  return text.replace(SI_QUANTITY, (_, number, base, perSecond = '') => {
+  return text.replace(SI_QUANTITY, (_, number, base, perSecond = '', angle = '') => {
+    if (angle) return quantityText(angle, base);
     const unit = base + perSecond;
     return quantityText(Number((number * PAGE_UNITS[unit][1]).toPrecision(6)), unit);
   });
