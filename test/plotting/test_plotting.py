@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 import subprocess
 import sys
+from typing import Any
 
 from change_point_linkages import change_point_linkage, FEET
 import klann_ros
@@ -26,13 +27,9 @@ from klann_ros.kinematics import (
 from klann_ros.kinematics.drawing import PoseDrawing
 from klann_ros.plotting import plane
 from klann_ros.plotting.plane import draw_angles, PoseArtists
-import matplotlib as mpl
-from matplotlib.figure import Figure
-from matplotlib.patches import Arc
 import numpy as np
 import pytest
 
-mpl.use('Agg')
 ALPHA, GUESS = math.radians(60.0), np.radians([15.0, 60.0, 45.0, 60.0])
 BODIES = {
     'crank': 'AB',
@@ -45,7 +42,16 @@ BODIES = {
 TRIPLE_ROCKER = FourBar(0.180, 0.120, 0.130, 0.140)
 
 
-def new_axes() -> 'mpl.axes.Axes':
+@pytest.fixture(scope='module', autouse=True)
+def without_a_screen() -> None:
+    import matplotlib as mpl
+
+    mpl.use('Agg')
+
+
+def new_axes() -> Any:
+    from matplotlib.figure import Figure
+
     return Figure().add_subplot()
 
 
@@ -320,6 +326,8 @@ def test_an_arc_leads_from_the_horizontal_to_its_bar() -> None:
     draw_angles(ax, pose, radius=0.05)
     points = dict(zip('ABCDEFGH', pose.points, strict=True))
     bars = ['AB', 'BC', 'DC', 'EF', 'FG']
+    from matplotlib.patches import Arc
+
     arcs = [patch for patch in ax.patches if isinstance(patch, Arc)]
     for arc, (start, end) in zip(arcs, bars, strict=True):
         np.testing.assert_array_equal(arc.center, points[start])
