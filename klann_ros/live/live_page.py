@@ -15,8 +15,8 @@ from klann_ros.web import (
     joined,
     Markup,
     number,
+    scrolling_table,
     SHARED,
-    sortable_table,
     text,
 )
 
@@ -95,7 +95,9 @@ def list_page(runs: Sequence[ListedRun], rows: Mapping[str, Row | None], token: 
                 element('a', 'calibrate', href=f'{path}/calibrate?token={token}'),
             )
         )
-    table = sortable_table('Runs', _RUN_HEADS, cells) if cells else element('p', NO_RUNS)
+    table = element('p', NO_RUNS)
+    if cells:
+        table = scrolling_table('Runs', _RUN_HEADS, cells, 'sortable')
     back = element('p', element('a', 'The live page', href=f'/?token={token}'))
     return _small_page('Runs', element('section', table), back, _script(_LIST_SCRIPT))
 

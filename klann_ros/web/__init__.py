@@ -7,16 +7,7 @@ from klann_ros.lazy_face import lazy_face
 if TYPE_CHECKING:
     from .browser import open_browser, print_page, PrintError
     from .lab.build import LAB_FILE, lab_page
-    from .markup import (
-        breakable,
-        element,
-        joined,
-        Markup,
-        number,
-        scrolling_table,
-        sortable_table,
-        table_row,
-    )
+    from .markup import breakable, element, joined, Markup, number, scrolling_table, table_row
     from .parts import FRAME, html_page, Parts, SHARED, text
     from .shape import leg_shape
 else:

@@ -57,38 +57,23 @@ def _attribute(key: str, value: str | float | bool) -> str:
 
 
 def scrolling_table(
-    name: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, stacks: bool = False
+    name: str, heads: Sequence[str], rows: Iterable[Sequence[str]], kind: str = ''
 ) -> Markup:
     """
     Return a table, which scrolls where it is too wide; each row begins with its heading.
 
-    One that `stacks` has a card for each row on a phone.
-    """
-    head = element('tr', *[element('th', text, scope='col') for text in heads])
-    cards = (_headed_row(heads, row) if stacks else table_row(*row) for row in rows)
-    body = element('tbody', *cards)
-    class_ = 'stacks' if stacks else False
-    return _scrolling(name, element('table', element('thead', head), body, class_=class_))
-
-
-def _scrolling(name: str, table: Markup) -> Markup:
-    # What scrolls must be reached by keys.
-    return element('div', table, class_='scrolls', tabindex='0', role='region', aria_label=name)
-
-
-def sortable_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
-    """
-    Return a table that sortable.js sorts by any column, and sortable.css stacks on a phone.
-
-    There each row is a card, and each cell stands behind the heading of its column.
+    One of the kind 'stacks' or 'sortable' has a card for each row on a phone, in which each cell
+    stands behind the heading of its column; sortable.js sorts the latter by any column.
     """
     head_cells = []
     for text in heads:
-        button = element('button', text, type='button')
-        head_cells.append(element('th', button, scope='col'))
+        heading = element('button', text, type='button') if kind == 'sortable' else text
+        head_cells.append(element('th', heading, scope='col'))
     head = element('thead', element('tr', *head_cells))
-    body = element('tbody', *[_headed_row(heads, row) for row in rows])
-    return _scrolling(name, element('table', head, body, class_='sortable'))
+    cards = (_headed_row(heads, row) if kind else table_row(*row) for row in rows)
+    table = element('table', head, element('tbody', *cards), class_=kind or False)
+    # What scrolls must be reached by keys.
+    return element('div', table, class_='scrolls', tabindex='0', role='region', aria_label=name)
 
 
 def _headed_row(heads: Sequence[str], texts: Sequence[str]) -> Markup:

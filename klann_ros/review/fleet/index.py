@@ -10,7 +10,7 @@ from typing import BinaryIO
 from urllib.parse import quote
 
 from klann_ros.sanitize.text import counted
-from klann_ros.web import breakable, element, FRAME, Markup, number, Parts, SHARED, sortable_table
+from klann_ros.web import breakable, element, FRAME, Markup, number, Parts, scrolling_table, SHARED
 
 from .rows import FINDINGS, OK, Row, UNREADABLE
 
@@ -58,7 +58,7 @@ def _page(rows: Sequence[Row], links: Mapping[str, str]) -> str:
     parent = _common_folder([row.run for row in rows])
     cells = [_cells(row, links.get(row.run, ''), parent) for row in sorted_rows]
     heading = element('h2', f'Runs in {parent}' if parent else 'Runs', id='runs')
-    table = sortable_table('Runs', _HEADS, cells)
+    table = scrolling_table('Runs', _HEADS, cells, 'sortable')
     section = element('section', heading, _filters(rows), table, aria_labelledby='runs')
     return _PARTS.page(f'Review of {title}', header, section)
 

@@ -138,7 +138,7 @@ def topics(reviews: Sequence[Review]) -> Markup:
     sections = []
     for index, review in enumerate(reviews):
         title = _of_run('Topics', index, len(reviews))
-        table = scrolling_table(title, _TOPIC_HEADS, map(_topic, review.topics), stacks=True)
+        table = scrolling_table(title, _TOPIC_HEADS, map(_topic, review.topics), 'stacks')
         heading = element('h2', title)
         sections.append(element('section', heading, table, _legend(review.topics)))
     return joined(sections)
@@ -217,7 +217,7 @@ def figures(reviews: Sequence[Review]) -> Markup:
     if len(rows) > 1:
         heads = ['Leg', *(f'{figure.name}, {figure.unit}' for figure in first_row)]
         cells = [[title, *(figure.text for figure in row)] for title, row in rows]
-        table = scrolling_table('Figures', heads, cells, stacks=True)
+        table = scrolling_table('Figures', heads, cells, 'stacks')
     else:
         table = element('dl', *map(_tile, first_row), class_='tiles')
     if len(set(sources.values())) == 1:
