@@ -1,5 +1,5 @@
 """
-A robot in other formats: URDF, and flat plates for a cutter as SVG and DXF.
+A robot in other formats: URDF, flat plates for a cutter as SVG and DXF, and parts for a printer.
 
 The command `export` writes the MJCF of `klann_ros.twin` as well.
 
@@ -13,14 +13,14 @@ The command `export` writes the MJCF of `klann_ros.twin` as well.
 >>> urdf(robot).count('<joint')
 11
 
-It does not need ROS. DXF needs ezdxf, which is imported only to write it.
+It does not need ROS. DXF needs ezdxf, and solids need trimesh and manifold3d, which are imported
+only to write them.
 """
 
 from .assembly import assembly
 from .drawing import Drawing, drawing, dxf, NoEzdxfError, svg
 from .frame import placed_legs
 from .layers import Layers, layers
-from .outline import polyline
 from .parts import Part, PartSizes, PlacedLeg, Prism, Role
 from .plates import ExportError, Plate, plates
 from .scene import scene_parts
@@ -45,7 +45,6 @@ __all__ = [
     'part_settings',
     'placed_legs',
     'plates',
-    'polyline',
     'scene_parts',
     'svg',
     'urdf',

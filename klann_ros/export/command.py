@@ -30,17 +30,10 @@ from .assembly import assembly, spacers
 from .drawing import drawing, dxf, NoEzdxfError, svg
 from .frame import placed_legs
 from .layers import Layers
-from .parts import CLEARANCE, distinct_parts, Part, PlacedLeg
+from .parts import distinct_parts, HOLE_CLEARANCE, Part, PlacedLeg
 from .plates import ExportError, slot_conflict
 from .ros2_control import ros2_control_files
-from .solids import (
-    glb,
-    NoSolidsError,
-    oversize_warnings,
-    printed_parts,
-    stl_files,
-    three_mf,
-)
+from .solids import glb, NoSolidsError, oversize_warnings, printed_parts, stl_files, three_mf
 from .urdf import urdf
 from .weights import MATERIALS, part_settings, part_sizes, weighed, weighed_file
 
@@ -273,7 +266,7 @@ def _parser() -> ArgumentParser:
     size('--thickness', type=_positive, help='of the plates [mm], 3')
     washer = 'thickness between two layers [mm], 0.5; 0 for none'
     size('--washer', type=_not_negative, help=washer)
-    clearance = f'added to the diameter of printed holes and slots [mm], {1e3 * CLEARANCE:g}'
+    clearance = f'added to the diameter of printed holes and slots [mm], {1e3 * HOLE_CLEARANCE:g}'
     size('--clearance', type=_not_negative, help=clearance)
     size('--width', type=_positive, help='width of bars [mm]; 4 %% of the size')
     weighed = 'a new file: FILE with the masses of its parts'

@@ -27,7 +27,7 @@ from .plates import ExportError, Hole, Plate, Slot
 # Width of links: a multiple of the widest hole, but at least a part of the linkage's size.
 WIDTH_BY_HOLE, WIDTH_BY_SIZE = 3.0, 0.04
 # Added to the diameter of printed holes [m]; more is at most this part of the diameter.
-CLEARANCE, MAX_CLEARANCE = 0.2e-3, 0.25
+HOLE_CLEARANCE, MAX_CLEARANCE_RATIO = 0.2e-3, 0.25
 # The layer of the walls of a walker, which the pins of its grounds reach.
 WALL_LAYER = -2
 # Height of a pin's head, as a part of its diameter, but at most a plate's thickness.
@@ -66,12 +66,12 @@ class PartSizes:
     width: float | None = None
     thickness: float = 3e-3
     washer: float = 0.5e-3
-    clearance: float = CLEARANCE
+    clearance: float = HOLE_CLEARANCE
 
     def __post_init__(self) -> None:
         """Refuse sizes that no part can have."""
         min_hole = min([self.hole, *self.holes.values()])
-        if not 0.0 <= self.clearance <= max(CLEARANCE, MAX_CLEARANCE * min_hole):
+        if not 0.0 <= self.clearance <= max(HOLE_CLEARANCE, MAX_CLEARANCE_RATIO * min_hole):
             raise ExportError(
                 f'clearance = {self.clearance * 1e3:g} mm is refused: >= 0, and at most a '
                 f'quarter of the smallest hole, {min_hole * 1e3:g} mm'

@@ -16,10 +16,10 @@ from klann_ros.kinematics import colour_of
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
+from .drawing import MM
 from .outline import Outline, polyline
 from .parts import Part, PlacedLeg, Role
 
-MM = 1e3
 # Distance of a chord from its arc, for printing and for looking at [m].
 PRINT_TOLERANCE, VIEW_TOLERANCE = 2e-6, 2e-5
 # Space between the parts on a bed, and to its edges, where a skirt needs it [mm].
@@ -37,33 +37,41 @@ class NoSolidsError(RuntimeError):
         super().__init__(f"solids need {error.name}, not here: pip install 'klann_ros[parts]'")
 
 
+def _libraries() -> tuple[Any, Any]:
+    """Return manifold3d and trimesh; raise a NoSolidsError without them."""
+    try:
+        import manifold3d  # noqa: PLC0415 - an extra
+        import trimesh.visual  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise NoSolidsError(error) from error
+
+    return manifold3d, trimesh
+
+
 def solid(part: Part, tolerance: float = PRINT_TOLERANCE) -> Any:
     """
     Return a part as a trimesh.Trimesh in millimetres, in its place.
 
     Raises a NoSolidsError if trimesh or manifold3d is not installed.
     """
-    try:
-        from manifold3d import CrossSection, Manifold, OpType  # noqa: PLC0415 - an extra
-        from trimesh import Trimesh  # noqa: PLC0415 - an extra
-    except ImportError as error:
-        raise NoSolidsError(error) from error
+    manifold, trimesh = _libraries()
 
     def section(curves: Iterable[Outline]) -> Any:
         polygons = []
         for curve in curves:
             points = MM * np.array([*polyline(curve, tolerance)])
             polygons.append(np.column_stack([points.real, points.imag]))
-        return CrossSection(polygons)
+        return manifold.CrossSection(polygons)
 
     prisms = []
     for prism in part.prisms:
         base = section(prism.outlines) - section(prism.cuts)
         # Faces of two prisms that touch have one height, to the last bit, and merge.
         heights = MM * np.array([prism.low, prism.high])
-        prisms.append(Manifold.extrude(base, 1.0).warp_batch(partial(_lift, heights)))
-    mesh = Manifold.batch_boolean(prisms, OpType.Add).to_mesh64()
-    return Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts, process=False)
+        prism_solid = manifold.Manifold.extrude(base, 1.0)
+        prisms.append(prism_solid.warp_batch(partial(_lift, heights)))
+    mesh = manifold.Manifold.batch_boolean(prisms, manifold.OpType.Add).to_mesh64()
+    return trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts, process=False)
 
 
 def _lift(heights: FloatArray, vertices: FloatArray) -> FloatArray:
@@ -149,7 +157,7 @@ def oversize_warnings(meshes: Mapping[str, tuple[Any, int]], bed: complex) -> It
 
 def three_mf(meshes: Mapping[str, tuple[Any, int]], bed: complex) -> list[bytes]:
     """Return all printed parts as 3MF, a file for each bed of a size [mm]."""
-    scenes = [_scene()]
+    scenes = [_libraries()[1].Scene()]
     x = y = BED_MARGIN
     row_height = 0.0
     for name, (mesh, count) in sorted(meshes.items(), key=lambda item: -item[1][0].extents[1]):
@@ -160,7 +168,7 @@ def three_mf(meshes: Mapping[str, tuple[Any, int]], bed: complex) -> list[bytes]
                 y += row_height + PART_GAP
                 row_height = 0.0
             if y > BED_MARGIN and y + depth + BED_MARGIN > bed.imag:
-                scenes.append(_scene())
+                scenes.append(_libraries()[1].Scene())
                 x = y = BED_MARGIN
             row_height = max(row_height, depth)
             place = np.eye(4)
@@ -182,7 +190,7 @@ def _without_uuids(content: bytes) -> bytes:
 
 def glb(legs: Sequence[PlacedLeg]) -> bytes:
     """Return the assembled robot as GLB in metres, y up, its cranks' joints at 0."""
-    scene = _scene()
+    scene = _libraries()[1].Scene()
     meshes: dict[Part, Any] = {}
     up = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
     for placed in legs:
@@ -198,24 +206,14 @@ def glb(legs: Sequence[PlacedLeg]) -> bytes:
 
 
 def _coloured(mesh: Any, part: Part) -> Any:
-    from trimesh.visual import TextureVisuals  # noqa: PLC0415 - an extra
-    from trimesh.visual.material import PBRMaterial  # noqa: PLC0415 - an extra
-
+    visual = _libraries()[1].visual
     colour = HARDWARE_COLOUR if part.role.is_hardware or part.role is Role.SPACER else FRAME_COLOUR
     if part.role in {Role.LINK, Role.CRANK}:
         colour = colour_of(part.body)
     rgba = [*bytes.fromhex(colour[1:]), 255]
-    mesh.visual = TextureVisuals(material=PBRMaterial(baseColorFactor=rgba, metallicFactor=0.1))
+    material = visual.material.PBRMaterial(baseColorFactor=rgba, metallicFactor=0.1)
+    mesh.visual = visual.TextureVisuals(material=material)
     return mesh
-
-
-def _scene() -> Any:
-    try:
-        from trimesh import Scene  # noqa: PLC0415 - an extra
-    except ImportError as error:
-        raise NoSolidsError(error) from error
-
-    return Scene()
 
 
 def _add(scene: Any, mesh: Any, name: str, node: str, pose: Any) -> None:

@@ -9,7 +9,8 @@ from urllib.parse import urlsplit
 from browser import find
 from browser_page import OpenedPage
 from fake_live_state import EVIL, FakeState
-from klann_ros.export import placed_legs, polyline, scene_parts
+from klann_ros.export import placed_legs, scene_parts
+from klann_ros.export.outline import polyline
 from klann_ros.kinematics import FIXED, KlannGeometry, Linkage, linkage_poses
 from klann_ros.live import Guard, LiveServer, new_token, solver_of, walker_data
 from klann_ros.log import SolverParameters
