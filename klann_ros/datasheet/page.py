@@ -226,7 +226,7 @@ def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> 
 
 
 def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[FigureTable]:
-    # In an order that fills three columns of a page.
+    # This order fills three columns of a page.
     if leg.linkage.change_points:
         yield figures.change_point_table(leg)
     yield figures.bar_table(leg)

@@ -24,13 +24,13 @@ from .search import SearchResult
 from .titles import aims_text, figure_aims, leg_titles
 
 _STATIC = Path(__file__).resolve().parent / 'static'
-_SHARED_STYLES = (SHARED / f'{name}.css' for name in ('drawing', 'tables', 'sortable'))
-_SHARED_SCRIPTS = (SHARED / f'{name}.js' for name in ('theme', 'drawing', 'sortable'))
-_SCRIPTS = (_STATIC / f'{name}.js' for name in ('scatter', 'walker', 'compare', 'design'))
+_SHARED_STYLES = [SHARED / f'{name}.css' for name in ('drawing', 'tables', 'sortable')]
+_SHARED_SCRIPTS = [SHARED / f'{name}.js' for name in ('theme', 'drawing', 'sortable')]
+_SCRIPTS = [_STATIC / f'{name}.js' for name in ('scatter', 'walker', 'compare', 'design')]
 PAGE_PARTS = Parts(
     styles=(*FRAME, *_SHARED_STYLES, _STATIC / 'design.css'), scripts=(*_SHARED_SCRIPTS, *_SCRIPTS)
 )
-_SCENE = (SHARED / f'{name}.js' for name in ('three/three.min', 'solids', 'orbit', 'scene'))
+_SCENE = [SHARED / f'{name}.js' for name in ('three/three.min', 'solids', 'orbit', 'scene')]
 WALKER_PARTS = replace(PAGE_PARTS, scripts=(*_SCENE, *PAGE_PARTS.scripts))
 # Poses of a leg's animation.
 ANIMATION_POSES = 120

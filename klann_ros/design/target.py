@@ -48,7 +48,7 @@ class PathFit(NamedTuple):
 class Target:
     """A closed path."""
 
-    # In the order of travel, shape (k,) [m].
+    # Points in the order of travel, shape (k,) [m].
     points: ComplexArray
     # Whether legs may be moved, turned and scaled onto it.
     can_move: bool = True

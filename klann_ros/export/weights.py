@@ -41,7 +41,7 @@ DEFAULT_WALL = 1e-3
 MAX_PART_SIZE = 0.5
 SIZES = tuple(field.name for field in fields(PartSizes))
 LENGTHS = (*(name for name in SIZES if name != 'holes'), 'wall')
-DESCRIPTION = 'linkage_description'
+_DESCRIPTION = 'linkage_description'
 # Parameters of a leg that its weighed linkage replaces.
 _REPLACED = {*LEG_PARAMETERS, 'bar_density'}
 
@@ -131,10 +131,10 @@ def weighed_leg(leg: RobotLeg, settings: Mapping[str, Any]) -> RobotLeg:
     if 'material' not in settings:
         return leg
     (placed,) = placed_legs(Robot('', (leg,)), part_sizes(settings))
-    return robot_from_text(_description(placed, settings), 'the leg').legs[0]
+    return robot_from_text(_weighed_linkage(placed, settings), 'the leg').legs[0]
 
 
-def _description(placed: PlacedLeg, settings: Mapping[str, Any]) -> str:
+def _weighed_linkage(placed: PlacedLeg, settings: Mapping[str, Any]) -> str:
     """Return a leg's linkage as a file with the masses of its parts; settings in [m]."""
     leg = placed.leg
     if leg.description:
@@ -155,8 +155,8 @@ def _description(placed: PlacedLeg, settings: Mapping[str, Any]) -> str:
     content['parts'] = _converted({**settings, **sizes}, 1.0 / metre)
     filled = f', infill {100.0 * material.infill:g} %' if material.infill < 1.0 else ''
     of_pins = f', pins of {pins.name}' if pins is not material else ''
-    what = f'{material.name}, {1e3 * sizes["thickness"]:g} mm{filled}{of_pins}'
-    content['mass_source'] = f'parts of {what}, by export'
+    material_text = f'{material.name}, {1e3 * sizes["thickness"]:g} mm{filled}{of_pins}'
+    content['mass_source'] = f'parts of {material_text}, by export'
     for j, name in enumerate(leg.linkage.structure.angles):
         mass = masses.get(j, BodyMass())
         centre = mass.centre.real, mass.centre.imag
@@ -177,16 +177,18 @@ def weighed_file(file: str, legs: Sequence[PlacedLeg], settings: Mapping[str, An
     """
     parameters = {}
     for placed in legs:
-        parameters[f'{placed.leg.name}.{DESCRIPTION}'.lstrip('.')] = _description(placed, settings)
+        name = f'{placed.leg.name}.{_DESCRIPTION}'.lstrip('.')
+        parameters[name] = _weighed_linkage(placed, settings)
     document = parse_file(file) if is_regular_file(file) else None
     if document is None or is_linkage(document):
-        return parameters[DESCRIPTION]
+        return parameters[_DESCRIPTION]
     if len({*parameters.values()}) == 1:
-        parameters = {DESCRIPTION: parameters.popitem()[1]}
-    kept = solver_parameters(document)
-    for name in [name for name in kept if name.rpartition('.')[2] in _REPLACED]:
-        del kept[name]
-    return parameter_file({'/**': kept | parameters})
+        parameters = {_DESCRIPTION: parameters.popitem()[1]}
+    robot_parameters = solver_parameters(document)
+    for name in [*robot_parameters]:
+        if name.rpartition('.')[2] in _REPLACED:
+            del robot_parameters[name]
+    return parameter_file({'/**': robot_parameters | parameters})
 
 
 def weighed(file: str, robot: Robot) -> Robot:

@@ -134,7 +134,7 @@ class _LeasedDrive:
             'reason': self.reason,
             'publishers': list(offer.publishers),
             'foreign': [name for name in offer.publishers if name not in offer.yielding],
-            # Those that are certain to keep pages from driving: nobody else sends.
+            # Publishers that certainly keep pages from driving: nobody else sends.
             'blocking': [*offer.publishers] if is_free and is_sent and not offer.yielding else [],
             'yielded': [name for name in offer.publishers if name in yielded],
             'elsewhere': self.lease.other,

@@ -94,7 +94,7 @@ class LiveState(PageState):
         self._calls = ServiceCalls(node)
         self._subscriptions = TopicSubscriptions(node, self.changed)
         self._watch = SolverWatch(node, self._on_parameters, [REPLAYED_PARAMETER, 'slope'])
-        # Of all nodes that are read, by their names.
+        # Parameters of all nodes that are read, by the nodes' names.
         self._parameters: dict[str, dict[str, Any]] = {}
         self._walker_parts = WalkerParts()
         self._read_only = read_only
