@@ -269,13 +269,10 @@ def masses_from_text(
     has_parts = 'material' in settings.get('parts', ())
     masses = Masses(body_masses, tension, torsion, source=settings.get('mass_source', ''))
     if density is None and 'density' in settings:
-        weighed = set(linkage.joint_names) - set(missing)
-        if any(body.rigid and body.angle in weighed for body in linkage.structure.bodies):
-            both = 'has both density and masses: leave one of them out'
-            raise MassError(f'{printable(name)} {both}')
-        if has_parts:
-            both = 'has both density and parts.material: leave one of them out'
-            raise MassError(f'{printable(name)} {both}')
+        with_bars = [body.angle for body in linkage.structure.bodies if body.rigid]
+        if has_parts or any('mass' in bodies[angle] for angle in with_bars):
+            both = f'density and {"parts.material" if has_parts else "masses"}'
+            raise MassError(f'{printable(name)} has both {both}: leave one of them out')
         density = settings['density']
     if density is not None:
         return with_rods(masses, linkage, density).by_file

@@ -196,8 +196,7 @@ def _plates(
         contents['--assembly'] = page.encode()
     plate_count = counted(sum(plate.count for plate in robot_plates), 'plate')
     layer_count = counted(max(stack.count for stack in stacks), 'layer')
-    width = f'bars {1e3 * robot_plates[0].width:.4g} mm wide'
-    widths = f'{width}, holes {1e3 * sizes.hole:g} mm'
+    widths = f'bars {1e3 * robot_plates[0].width:.4g} mm wide, holes {1e3 * sizes.hole:g} mm'
     size = f'{sheet.size.real:.0f} x {sheet.size.imag:.0f} mm'
     print(f'{plate_count}, {widths}, in {layer_count}, drawn on {size}')
     _print_remarks(legs, stacks)
@@ -222,7 +221,6 @@ _positive = number_type(lambda n: 0.0 < n < 1e6, 'a number > 0 (and < 1e6)')
 _not_negative = number_type(lambda n: 0.0 <= n < 1e6, 'a number >= 0 (and < 1e6)')
 _side = number_type(lambda n: 0.0 < n < 1e6, 'a width and a depth in mm, such as 220x220')
 _diameter = number_type(lambda n: 0.0 < n < 1e6, 'a diameter in mm, such as 4.2 or A=6')
-
 _fraction = number_type(lambda n: 0.0 < n <= 1.0, 'a number > 0 and <= 1, such as 0.3')
 
 

@@ -138,7 +138,8 @@ def _framed(legs: Sequence[PlacedLeg], sizes: PartSizes) -> list[PlacedLeg]:
         first = framed[wall.legs[0]]
         places = [_in_plane(first.leg.mount, plane, place) for place in beams]
         parts = [_wall_part([legs[k] for k in wall.legs], places, sizes)]
-        low, high = wall.span(sizes)[1], following.span(sizes)[0] if following else -np.inf
+        low = wall.span(sizes)[1]
+        high = following.span(sizes)[0] if following else low
         if high > low:
             ends = sorted(wall.side * end - wall.height for end in (low, high))
             for place in places:
