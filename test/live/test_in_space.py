@@ -78,6 +78,18 @@ MEMORY = """() => {
     return sizes;
 }"""
 
+# The browser takes the pointer of a finger that scrolls.
+SCROLL = """() => {
+    const { canvas, orbit } = live.stage.scene;
+    const views = [orbit.elevation];
+    canvas.setPointerCapture = () => {};
+    ['pointerdown', 'pointermove', 'pointercancel'].forEach((name, k) => {
+        canvas.dispatchEvent(new PointerEvent(name, { pointerId: 7, clientY: -10 * k }));
+        if (k) views.push(orbit.elevation);
+    });
+    return views;
+}"""
+
 
 def solved(linkage: Linkage, alpha: float) -> tuple[list[float], dict[str, complex]]:
     """Return the coordinates of a leg, the crank's first, and its points."""
@@ -191,3 +203,13 @@ def test_without_webgl_a_line_says_so_and_the_flat_views_stay(
     assert opened.page.locator('#space').is_hidden()
     assert opened.page.locator('#view-space').is_disabled()
     assert opened.barriers() == []
+
+
+def test_a_finger_that_scrolls_the_page_leaves_the_view(
+    visit_live: Callable[..., OpenedPage],
+) -> None:
+    opened = visit_live(WalkerState(WALKER))
+    opened.until('live.stage.scene')
+    views = opened.page.evaluate(SCROLL)
+    assert views[1] != views[0]
+    assert views[2] == views[0]

@@ -29,6 +29,7 @@ class Orbit {
     for (const name of ['pointerup', 'pointercancel', 'lostpointercapture']) {
       canvas.addEventListener(name, (event) => this.pointers.delete(event.pointerId));
     }
+    canvas.addEventListener('pointercancel', () => this.turnBack());
     canvas.addEventListener('keydown', (event) => this.key(event));
     canvas.addEventListener('wheel', (event) => this.roll(event), { passive: false });
     canvas.addEventListener('dblclick', () => this.reset());
@@ -53,7 +54,15 @@ class Orbit {
     return [flat * Math.cos(azimuth), flat * Math.sin(azimuth), Math.sin(elevation)];
   }
 
+  /** Undo what a finger has turned that scrolls the page. */
+  turnBack() {
+    Object.assign(this, this.viewBefore);
+    this.changed();
+  }
+
   grab(event) {
+    const { azimuth, elevation, zoom } = this;
+    this.viewBefore = { azimuth, elevation, zoom };
     this.canvas.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, [event.clientX, event.clientY]);
   }
