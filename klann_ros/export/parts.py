@@ -28,6 +28,8 @@ from .plates import ExportError, Hole, Plate, Slot
 WIDTH_BY_HOLE, WIDTH_BY_SIZE = 3.0, 0.04
 # Added to the diameter of printed holes [m]; more is at most this part of the diameter.
 HOLE_CLEARANCE, MAX_CLEARANCE_RATIO = 0.2e-3, 0.25
+# Of holes, and of the thickness of parts [m]: less is a slip of units.
+MIN_SIZE = 0.1e-3
 # The layer of the walls of a walker, which the pins of its grounds reach.
 WALL_LAYER = -2
 # Height of a pin's head, as a part of its diameter, but at most a plate's thickness.
@@ -76,8 +78,12 @@ class PartSizes:
                 f'clearance = {self.clearance * 1e3:g} mm is refused: >= 0, and at most a '
                 f'quarter of the smallest hole, {min_hole * 1e3:g} mm'
             )
-        if not (self.thickness > 0.0 and self.washer >= 0.0):
-            raise ExportError('a thickness must be > 0, and that of washers >= 0')
+        if min(min_hole, self.thickness) < MIN_SIZE or self.washer < 0.0:
+            raise ExportError(
+                f'holes of {min_hole * 1e3:g} mm, a thickness of {self.thickness * 1e3:g} mm or '
+                f'washers of {self.washer * 1e3:g} mm are refused: at least {MIN_SIZE * 1e3:g} mm '
+                'for holes and the thickness, and washers >= 0'
+            )
 
     @property
     def pitch(self) -> float:
