@@ -55,6 +55,12 @@ class Output:
         """Write the file with a content that is there already; errors as `save`."""
         self.save(lambda file: file.write(content))
 
+    def check_distinct(self, outputs: Iterable['Output']) -> None:
+        """Raise an OutputError if it is the file of another output."""
+        for output in outputs:
+            if self.is_file(output.path):
+                raise OutputError(f'{output.option} and {self.option} are the same file')
+
     def check(self, inputs: Sequence[str]) -> None:
         """Raise an OutputError if it is an input, or cannot be written."""
         with output_errors(self.option, self.path):
@@ -122,9 +128,7 @@ def output_files(
             reason = 'a file of parameters or a linkage may be there, which FILE may name'
             raise OutputError(f'{output.option} {printable(path)} is refused: {reason}')
         output.check(input_paths)
-        for previous in outputs:
-            if output.is_file(previous.path):
-                raise OutputError(f'{previous.option} and {output.option} are the same file')
+        output.check_distinct(outputs)
         outputs.append(output)
     return outputs
 
@@ -135,6 +139,8 @@ def check_new_folder(option: str, path: str, inputs: Iterable[str | None]) -> No
         if os.path.lexists(path):
             is_folder = Path(path).is_dir() or Path(path).is_symlink()
             raise OutputError(_EXISTS if is_folder else 'it is no folder')
+        if not Path(path).parent.is_dir():
+            raise OutputError(f'there is no folder {printable(Path(path).parent)}')
         for input_path in filter(None, inputs):
             if is_within(path, input_path):
                 raise OutputError(f'it is inside {printable(input_path)}, which is only read')

@@ -86,11 +86,17 @@ def _export(options: argparse.Namespace) -> int:
             raise ExportError(f'--{WEIGHED} {printable(options.weighed)} is there already')
         if options.scale != 1.0:
             raise ExportError(f'--{WEIGHED} takes no --scale')
+    targets = [*files]
     for option, folder in folders.items():
         check_new_folder(option, folder, [options.file])
+        targets.append(Output(option, folder))
+        targets[-1].check_distinct(targets[:-1])
     # All contents before the first file is written: an error leaves no partial set.
     contents, folder_contents = _contents(robot, options)
-    for output in (*files, *_further_beds(contents, options)):
+    beds = _further_beds(contents, options)
+    for bed in beds:
+        bed.check_distinct(targets)
+    for output in (*files, *beds):
         output.write(contents[output.option])
         print(f'written: {output.option} {printable(output.path)}')
     for option, folder in folders.items():

@@ -204,6 +204,32 @@ def test_each_bed_is_a_file_and_a_larger_part_is_told(
     assert 'larger than the bed' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ('options', 'reason'),
+    [
+        ('--glb klann_2.3mf', '--glb and --3mf 2 are the same file'),
+        ('--stl klann_2.3mf', '--stl and --3mf 2 are the same file'),
+        ('--stl klann.3mf', '--3mf and --stl are the same file'),
+        ('--stl a --ros2-control a', 'are the same file'),
+        ('--stl no/parts', 'there is no folder no'),
+        ('--hole 0.0032', 'holes of 0.0032 mm'),
+        ('--thickness 0.003', 'a thickness of 0.003 mm'),
+    ],
+)
+def test_parts_that_cannot_be_written_leave_no_file(
+    options: str,
+    reason: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    command = ['klann', '--scale', '0.2', '--3mf', 'klann.3mf', '--bed', '180x90']
+    assert main([*command, *options.split()]) in {2, 3}
+    assert reason in capsys.readouterr().err
+    assert not [*tmp_path.iterdir()]
+
+
 def test_frames_of_one_kind_and_several_sizes_have_names_of_their_own() -> None:
     legs = placed_legs(robot_from_file(str(CONFIG / 'walker6.yaml')), SIZES, 0.2)
     meshes = printed_parts(distinct_parts(legs))
