@@ -7,6 +7,8 @@
 const THREE_FILE = '/static/three.min.js';
 const NO_WEBGL =
   'This browser draws nothing in space, as it has no WebGL: the views from the side and above show the same.';
+const NOT_LOADED =
+  'The drawing in space was not loaded: the views from the side and above show the same.';
 const LOST =
   'The graphics of this browser were lost: the views from the side and above show the same.';
 // Lost graphics come back within this time, if they do [ms].
@@ -76,7 +78,7 @@ class Stage {
     if (isInSpace && this.legs.length)
       loadThree().then(
         () => this.build(),
-        () => this.fail(NO_WEBGL),
+        () => this.fail(NOT_LOADED),
       );
     this.showGrid();
     this.show();
