@@ -43,16 +43,15 @@ class WalkerView {
 
   build() {
     const { walker } = this.leg;
-    const { parts } = walker;
     const { x, y } = boxOf(this.leg);
     const corner = (side) => [x.middle + side * x.size, y.middle + side * y.size];
     const shape = { ...this.leg.shape, box: [...corner(-0.5), ...corner(0.5)] };
     const legs = walker.legs.map((name) => {
       const { mount_xyz: xyz, mount_rpy: rpy } = walker[name];
-      const placed = parts?.legs[name];
-      return { shape, mount: { xyz, rpy }, ...placed, model: placed && parts.models[placed.model] };
+      return { name, shape, mount: { xyz, rpy } };
     });
-    this.scene.build({ legs, body: { size: walker.body_size, centre: walker.body_centre } });
+    const body = { size: walker.body_size, centre: walker.body_centre };
+    this.scene.build({ legs: withModels(legs, walker.parts), body });
     this.go(this.part);
   }
 

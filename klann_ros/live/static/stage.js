@@ -91,14 +91,10 @@ class Stage {
     const { body, parts } = solver;
     const text = JSON.stringify([solver.node, body, this.legs.map((leg) => leg.text), parts]);
     if (text === this.text) return;
-    const models = parts ? parts.models : [];
-    const legs = this.legs.map(({ name, shape, mount }) => {
-      const placed = parts && parts.legs[name];
-      return placed ? { shape, mount, ...placed, model: models[placed.model] } : { shape, mount };
-    });
+    const legs = this.legs.map(({ name, shape, mount }) => ({ name, shape, mount }));
     try {
       this.scene ??= new RobotScene(this.canvas, { isFree: () => !this.live.walk.isMine });
-      this.scene.build({ legs, body });
+      this.scene.build({ legs: withModels(legs, parts), body });
       this.text = text;
     } catch (error) {
       this.fail(NO_WEBGL);

@@ -417,6 +417,14 @@ function gridGeometry(cell) {
   return geometry.scale(cell, cell, cell);
 }
 
+/** Return legs with the models of what klann_ros.export.scene_parts returns; without, of bars. */
+function withModels(legs, parts) {
+  return legs.map((leg) => {
+    const placed = parts?.legs[leg.name];
+    return { ...leg, ...placed, model: placed && parts.models[placed.model] };
+  });
+}
+
 /** Return a leg's mount as a matrix, and whether its heights are against the normal. */
 function mountMatrix({ mount, direction, offset = 0 }, middle) {
   const matrix = new THREE.Matrix4().makeRotationFromEuler(new THREE.Euler(...mount.rpy, 'ZYX'));
