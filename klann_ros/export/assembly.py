@@ -6,12 +6,14 @@ from math import ceil
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
+from klann_ros.kinematics import FIXED
 from klann_ros.sanitize.text import counted, printable
 import numpy as np
 
 from .drawing import MM, path_data, svg_file
 from .layers import Layers, Shaft
 from .outline import Outline, outlines, Segment
+from .parts import WALL_LAYER
 from .plates import Hole, Plate, Slot
 
 # Lengths of screws up to 60 mm, then every 10 mm (ISO 4762) [mm].
@@ -45,10 +47,20 @@ class Pin(NamedTuple):
     ends: str
 
 
-def pins(stack: Layers, thickness: float, washer: float) -> Iterator[Pin]:
-    """Yield the pins of a leg for plates and washers of a thickness [m], in its order."""
+def pins(
+    stack: Layers, thickness: float, washer: float, *, is_framed: bool = False
+) -> Iterator[Pin]:
+    """
+    Yield the pins of a leg for plates and washers of a thickness [m], in its order.
+
+    Those of the ground of a framed leg begin at its wall.
+    """
     for shaft in stack.shafts:
         low, high = stack.span(shaft)
+        spacer_count = stack.spacers(shaft)
+        if is_framed and any(stack.plates[p].body == FIXED for p in shaft.plates):
+            spacer_count += low - WALL_LAYER - 1
+            low = WALL_LAYER
         diameter = MM * shaft.diameter
         gaps = high - low
         grip = MM * ((gaps + 1) * thickness + gaps * washer)
@@ -61,7 +73,7 @@ def pins(stack: Layers, thickness: float, washer: float) -> Iterator[Pin]:
                 ends.append(f'{end.side.value} flush')
         screw = _screw(grip + NUT * diameter)
         text = '; '.join(ends) or 'head and nut'
-        yield Pin(shaft.name, diameter, low, high, stack.spacers(shaft), gaps, grip, screw, text)
+        yield Pin(shaft.name, diameter, low, high, spacer_count, gaps, grip, screw, text)
 
 
 def _names(stack: Layers, plates: Sequence[int]) -> str:
@@ -91,7 +103,9 @@ def spacers(stack: Layers) -> Iterator[Plate]:
             )
 
 
-def assembly(legs: Sequence[Layers], *, thickness: float, washer: float) -> str:
+def assembly(
+    legs: Sequence[Layers], *, thickness: float, washer: float, is_framed: bool = False
+) -> str:
     """
     Return the assembly sheet of legs as SVG.
 
@@ -101,6 +115,8 @@ def assembly(legs: Sequence[Layers], *, thickness: float, washer: float) -> str:
         Each distinct leg once.
     thickness, washer : float
         Of the plates, and of the washers between layers; 0 for none [m].
+    is_framed : bool
+        Whether printed walls hold the grounds of the legs.
 
     """
     width = COLUMNS * PANEL + 2.0 * MARGIN
@@ -109,6 +125,13 @@ def assembly(legs: Sequence[Layers], *, thickness: float, washer: float) -> str:
     y = MARGIN
     for leg in legs:
         y = _leg(root, leg, y, thickness, washer)
+        for pin in pins(leg, thickness, washer, is_framed=is_framed):
+            if pin.low < 0:
+                counts = f'{counted(pin.spacers, "spacer")}, {counted(pin.washers, "washer")}'
+                size = f'{counts}, a grip of {pin.grip:.4g} mm, a screw of {pin.screw} mm'
+                text = f'Through a printed wall, pin {printable(pin.name, 24)}: {size}'
+                _text(root, text, y, TEXT)
+                y += LINE * TEXT
     height = y + MARGIN
     root.attrib.update(
         width=f'{width:g}mm', height=f'{height:g}mm', viewBox=f'0 0 {width:g} {height:g}'

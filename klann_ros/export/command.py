@@ -30,7 +30,7 @@ from .assembly import assembly, spacers
 from .drawing import drawing, dxf, NoEzdxfError, svg
 from .frame import placed_legs
 from .layers import Layers
-from .parts import distinct_parts, HOLE_CLEARANCE, Part, PlacedLeg
+from .parts import distinct_parts, HOLE_CLEARANCE, Part, PlacedLeg, WALL_LAYER
 from .plates import ExportError, slot_conflict
 from .ros2_control import ros2_control_files
 from .solids import glb, NoSolidsError, oversize_warnings, printed_parts, stl_files, three_mf
@@ -198,7 +198,12 @@ def _plates(
     if options.weighed is not None:
         contents[f'--{WEIGHED}'] = weighed_file(options.file, legs, settings).encode()
     if options.assembly is not None:
-        page = assembly(stacks, thickness=sizes.thickness, washer=sizes.washer)
+        # The walls of a frame are below the layers.
+        lows = [prism.low for leg in legs for part in leg.parts for prism in part.prisms]
+        is_framed = min(lows) <= WALL_LAYER * sizes.pitch
+        page = assembly(
+            stacks, thickness=sizes.thickness, washer=sizes.washer, is_framed=is_framed
+        )
         contents['--assembly'] = page.encode()
     plate_count = counted(sum(plate.count for plate in robot_plates), 'plate')
     layer_count = counted(max(stack.count for stack in stacks), 'layer')

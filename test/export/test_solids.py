@@ -5,6 +5,7 @@ from functools import cache
 from io import BytesIO
 from itertools import combinations
 from pathlib import Path
+import re
 import sys
 from typing import Any
 
@@ -228,6 +229,25 @@ def test_parts_that_cannot_be_written_leave_no_file(
     assert main([*command, *options.split()]) in {2, 3}
     assert reason in capsys.readouterr().err
     assert not [*tmp_path.iterdir()]
+
+
+def test_the_sheet_of_a_framed_walker_counts_the_parts_of_its_longer_pins(tmp_path: Path) -> None:
+    walker = str(CONFIG / 'walker4.yaml')
+    sheet = tmp_path / 'sheet.svg'
+    assert main([walker, '--scale', '0.25', '--assembly', str(sheet)]) == 0
+    lines = re.findall(
+        r'wall, pin (\w): (\d) spacers?, (\d) washers?, a grip of ([\d.]+) mm', sheet.read_text()
+    )
+    assert [line[0] for line in lines] == ['A', 'D', 'E']
+    names = [part.name for part in placed_legs(robot_from_file(walker), scale=0.25)[1].parts]
+    for pin, spacer_count, washer_count, grip in lines:
+        assert names.count(f'spacer {pin}') == int(spacer_count) > 0
+        assert names.count(f'washer {pin}') == int(washer_count)
+        plates = 1 + int(washer_count)
+        assert float(grip) == pytest.approx(3.0 * plates + 0.5 * (plates - 1))
+    plain = tmp_path / 'plain.svg'
+    assert main(['klann', '--scale', '0.25', '--assembly', str(plain)]) == 0
+    assert 'printed wall' not in plain.read_text()
 
 
 def test_frames_of_one_kind_and_several_sizes_have_names_of_their_own() -> None:
