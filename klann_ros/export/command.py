@@ -171,11 +171,12 @@ def _parts_to_print(legs: Sequence[PlacedLeg], settings: Mapping[str, Any]) -> S
 def _part_settings(robot: Robot, options: argparse.Namespace) -> dict[str, Any]:
     """Return the settings of parts in the file, and of the options, which win [m]."""
     holes = dict(options.hole or ())
-    changes = {'hole': holes.pop('', None)}
+    seats = dict(options.seat or ())
+    changes = {'hole': holes.pop('', None), 'seat': seats.pop('', None)}
     for name in ('thickness', 'washer', 'clearance', 'width', 'material', 'infill'):
         changes[name] = getattr(options, name)
     changes = {name: change for name, change in changes.items() if change is not None}
-    return part_settings(robot.legs, {**changes, 'holes': holes}, 1e-3)
+    return part_settings(robot.legs, {**changes, 'holes': holes, 'seats': seats}, 1e-3)
 
 
 def _plates(
@@ -191,6 +192,9 @@ def _plates(
     rings = chain.from_iterable(map(spacers, stacks))
     sheet = drawing([*robot_plates, *rings], kerf=options.kerf / 1e3)
     contents: dict[str, bytes] = {}
+    holes = chain.from_iterable(plate.holes for plate in robot_plates)
+    if (options.svg or options.dxf) and any(hole.bore for hole in holes):
+        print('seats that do not go through are not in SVG and DXF')
     if options.svg is not None:
         contents['--svg'] = svg(sheet, filled=options.cad).encode()
     if options.dxf is not None:
@@ -220,6 +224,9 @@ def _print_remarks(legs: Sequence[PlacedLeg], stacks: Sequence[Layers]) -> None:
         if leg.offset:
             name = printable(leg.leg.name)
             print(f'{name} is {1e3 * abs(leg.offset):.4g} mm further out than its mount_xyz')
+    if len(legs) > 1 and all(part.name != 'wall' for leg in legs for part in leg.parts):
+        problem = 'their planes are not parallel, or their ground is not outermost'
+        print(f'export: the legs get no frame, and none moves out: {problem}', file=sys.stderr)
     for stack in stacks:
         for stub in stack.stubs:
             crossing = printable_line(', '.join(stack.plates[p].name for p in stub.crossing))
@@ -230,7 +237,7 @@ def _print_remarks(legs: Sequence[PlacedLeg], stacks: Sequence[Layers]) -> None:
 
 _positive = number_type(lambda n: 0.0 < n < 1e6, 'a number > 0 (and < 1e6)')
 _not_negative = number_type(lambda n: 0.0 <= n < 1e6, 'a number >= 0 (and < 1e6)')
-_side = number_type(lambda n: 0.0 < n < 1e6, 'a width and a depth in mm, such as 220x220')
+_side = number_type(lambda n: 0.0 < n < 1e6, 'sizes in mm, such as 220x220, or A=10x4 for a seat')
 _diameter = number_type(lambda n: 0.0 < n < 1e6, 'a diameter in mm, such as 4.2 or A=6')
 _fraction = number_type(lambda n: 0.0 < n <= 1.0, 'a number > 0 and <= 1, such as 0.3')
 
@@ -245,6 +252,13 @@ def _hole(text: str) -> tuple[str, float]:
     """Return the joint, '' for all, and the diameter in NAME=MM or MM."""
     name, _, diameter = text.rpartition('=')
     return name, _diameter(diameter)
+
+
+def _seat(text: str) -> tuple[str, tuple[float, float]]:
+    """Return the joint, '' for all, diameter and depth in NAME=DIAMETERxDEPTH."""
+    name, _, size = text.rpartition('=')
+    seat = _bed(size)
+    return name, (seat.real, seat.imag)
 
 
 def _parser() -> ArgumentParser:
@@ -270,6 +284,8 @@ def _parser() -> ArgumentParser:
     add('--glb', metavar='OUT.glb', help="the assembled robot, to look at (extra 'parts')")
     hole = 'diameter of holes [mm], 3.2: for M3; A=6 of a joint; repeatable'
     add('--hole', metavar='[JOINT=]MM', type=_hole, action='append', help=hole)
+    seat = 'bearing or bush in plates that turn on a pin [mm]: 10x4, A=7x3 of a joint; repeatable'
+    add('--seat', metavar='[JOINT=]DIAMETERxDEPTH', type=_seat, action='append', help=seat)
     size = partial(add, metavar='MM')
     size('--kerf', type=_not_negative, default=0.0, help='width of the cut [mm], 0')
     size('--thickness', type=_positive, help='of the plates [mm], 3')

@@ -176,7 +176,7 @@ class _PlacedPlate:
     def circles(self) -> list[Circle]:
         circles = []
         for hole in self._plate.holes:
-            radius = MM * hole.diameter / 2.0 - self._offset
+            radius = MM * (hole.bore or hole.diameter) / 2.0 - self._offset
             circles.append(Circle(self._to_sheet(hole.at), radius))
         return circles
 

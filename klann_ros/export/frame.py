@@ -11,7 +11,7 @@ the pivots of the grounds. Square beams join the walls where no leg passes.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby, product
+from itertools import chain, groupby, product
 from operator import attrgetter
 from typing import Any
 
@@ -21,8 +21,8 @@ import numpy as np
 
 from .layers import CLEARANCE, distances, layers
 from .outline import Corner, outlines
-from .parts import Part, PartSizes, PlacedLeg, plate_prism, Prism, Role, stack_parts, WALL_LAYER
-from .plates import Hole, joined_links, merged_holes, Plate, plates
+from .parts import Part, PartSizes, PlacedLeg, Prism, prisms, Role, seated, stack_parts, WALL_LAYER
+from .plates import ExportError, Hole, joined_links, merged_holes, Plate, plates
 
 # Positions of a turn at which legs are compared, and the share of them for two joints.
 POSITIONS, JOINTS_STRIDE = 360, 5
@@ -54,7 +54,11 @@ def placed_legs(
     linkages = dict.fromkeys(leg.linkage for leg in robot.legs)
     leg_plates = groupby(robot_plates, key=attrgetter('legs'))
     for linkage, (_, group) in zip(linkages, leg_plates, strict=True):
-        stacks[linkage] = layers(linkage, [*group])
+        stacks[linkage] = seated(layers(linkage, [*group]), sizes, linkage)
+    stack_plates = chain.from_iterable(stack.plates for stack in stacks.values())
+    holes = chain.from_iterable(plate.holes for plate in stack_plates)
+    for name in sizes.seats.keys() - {*chain.from_iterable(h.points for h in holes if h.depth)}:
+        raise ExportError(f'seat of {name}: no plate turns on a pin there')
     axes = np.array([leg.mount.rotation[:, 2] for leg in robot.legs])
     is_framed = robot.is_walker and np.allclose(abs(axes @ axes[0]), 1.0, rtol=0.0)
     is_framed = is_framed and not any(stack.layer[0] for stack in stacks.values())
@@ -165,8 +169,8 @@ def _wall_part(legs: Sequence[PlacedLeg], places: Sequence[complex], sizes: Part
     holes = [*merged_holes(holes)]
     wall_links = tuple(joined_links(links, [hole.line for hole in holes]))
     plate = Plate('wall', tuple(holes), links=wall_links, width=ground.width)
-    prism = plate_prism(plate, WALL_LAYER * sizes.pitch, sizes.thickness, sizes.clearance)
-    return Part('wall', Role.FRAME, FIXED, (prism,))
+    solid = prisms(plate, WALL_LAYER * sizes.pitch, sizes.thickness, sizes.clearance)
+    return Part('wall', Role.FRAME, FIXED, tuple(solid))
 
 
 def _in_plane(target: Mount, source: Mount, points: Any) -> Any:

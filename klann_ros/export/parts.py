@@ -8,10 +8,11 @@ below 0. The mount's plane is z = 0. `placed_legs` says where the stack of a mou
 against the normal: the ground, outermost in most legs, is at the side of the robot's middle.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 from klann_ros.dynamics import BodyMass
@@ -22,7 +23,7 @@ import numpy as np
 
 from .layers import FlushEnd, Layers, Shaft, Side
 from .outline import moments, Outline, outlines
-from .plates import ExportError, Hole, Plate, Slot
+from .plates import check_holes, COINCIDENCE, ExportError, Hole, MIN_WALL, Plate
 
 # Width of links: a multiple of the widest hole, but at least a part of the linkage's size.
 WIDTH_BY_HOLE, WIDTH_BY_SIZE = 3.0, 0.04
@@ -61,6 +62,7 @@ class PartSizes:
     `hole` is the diameter of holes, and of pins, `holes` that of some joints by their points.
     `width` of links is 4 % of the linkage's size and at least three holes where it is None.
     `clearance` is added to the diameter of holes and slots: a printer makes them too narrow.
+    `seat` is diameter and depth of the seats in holes that turn, `seats` that of some joints.
     """
 
     hole: float = 3.2e-3
@@ -69,6 +71,8 @@ class PartSizes:
     thickness: float = 3e-3
     washer: float = 0.5e-3
     clearance: float = HOLE_CLEARANCE
+    seat: Sequence[float] = ()
+    seats: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse sizes that no part can have."""
@@ -187,9 +191,9 @@ def stack_parts(
     crank = linkage.structure.bodies.index(linkage.structure.crank)
     roles = {FIXED: Role.FRAME, crank: Role.CRANK}
     for plate, layer in zip(stack.plates, stack.layer, strict=True):
-        prism = plate_prism(plate, layer * sizes.pitch, sizes.thickness, sizes.clearance)
+        solid = prisms(plate, layer * sizes.pitch, sizes.thickness, sizes.clearance)
         role = roles.get(plate.body, Role.LINK)
-        yield Part(plate.name, role, plate.body, (prism,), plate.count, plate.legs)
+        yield Part(plate.name, role, plate.body, tuple(solid), plate.count, plate.legs)
     for shaft in stack.shafts:
         joined = {stack.layer[p] for p in shaft.plates}
         if is_framed and any(stack.plates[p].body == FIXED for p in shaft.plates):
@@ -197,14 +201,53 @@ def stack_parts(
         yield from _shaft_parts(stack, shaft, sizes, joined)
 
 
-def plate_prism(plate: Plate, low: float, thickness: float, clearance: float = 0.0) -> Prism:
-    """Return a plate at a height [m], its holes and slots wider by a clearance."""
-    cuts: list[Outline] = []
-    round_cuts: list[Hole | Slot] = [*plate.holes, *plate.slots]
-    for cut in round_cuts:
-        cuts += outlines([cut.line], (cut.diameter + clearance) / 2.0)
+def seated(stack: Layers, sizes: PartSizes, linkage: Linkage) -> Layers:
+    """Return layers with seats in the plates that turn on a pin: of the axle, in the ground."""
+    plates = [*stack.plates]
+    crank = linkage.structure.bodies.index(linkage.structure.crank)
+    for shaft in stack.shafts:
+        points = {*shaft.name.split(',')}
+        seat = next((sizes.seats[name] for name in points & sizes.seats.keys()), sizes.seat)
+        bodies = {plates[p].body: p for p in shaft.plates}
+        carrier = bodies.get(crank, shaft.carrier) if FIXED in bodies else shaft.carrier
+        for p in {*shaft.plates} - {carrier} if seat else ():
+            width = plates[p].width
+            joints = [hole for hole in plates[p].holes if hole.points & points]
+            seats = {hole: _seat(hole, seat[0], seat[1], sizes, width) for hole in joints}
+            holes = tuple(seats.get(hole, hole) for hole in plates[p].holes)
+            plates[p] = replace(plates[p], holes=holes)
+            check_holes(plates[p])
+    return replace(stack, plates=tuple(plates))
+
+
+def _seat(hole: Hole, diameter: float, depth: float, sizes: PartSizes, width: float) -> Hole:
+    max_diameter = width / (1.0 + 2.0 * MIN_WALL)
+    floor = round(sizes.thickness - depth, 9)
+    is_deep = floor == 0.0 or floor >= MIN_WALL * sizes.thickness - COINCIDENCE
+    is_wide = hole.diameter + sizes.clearance < diameter < max_diameter + COINCIDENCE
+    if not (is_deep and is_wide):
+        raise ExportError(
+            f'seat of {hole.name}, {diameter * 1e3:g} x {depth * 1e3:g} mm, is refused: wider '
+            f'than its hole, at most {max_diameter * 1e3:.4g} mm in this --width, and as deep as '
+            f'the plate, {sizes.thickness * 1e3:g} mm, or at most {1.0 - MIN_WALL:.0%} of that'
+        )
+    return replace(hole, diameter=diameter, depth=depth, bore=hole.diameter if floor else 0.0)
+
+
+def prisms(plate: Plate, low: float, thickness: float, clearance: float = 0.0) -> Iterator[Prism]:
+    """Yield a plate at a height [m], its holes and slots, but no seats, wider by a clearance."""
     curves = outlines(plate.links, plate.width / 2.0)
-    return Prism(curves, tuple(cuts), low, low + thickness)
+    floors = {thickness - hole.depth for hole in plate.holes if hole.bore}
+    for floor, top in pairwise(sorted({0.0, thickness, *floors})):
+        cuts: list[Outline] = []
+        for slot in plate.slots:
+            cuts += outlines([slot.line], (slot.diameter + clearance) / 2.0)
+        for hole in plate.holes:
+            width = hole.diameter + (0.0 if hole.depth else clearance)
+            if hole.bore and floor < thickness - hole.depth:
+                width = hole.bore + clearance
+            cuts += outlines([hole.line], width / 2.0)
+        yield Prism(curves, tuple(cuts), low + floor, low + top)
 
 
 def _shaft_parts(

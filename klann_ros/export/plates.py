@@ -35,7 +35,9 @@ class Hole:
 
     name: str  # its points, such as 'A'; '' for a guide pin
     at: complex  # its centre [m]
-    diameter: float  # [m]
+    diameter: float  # that of the seat, if it has one [m]
+    depth: float = 0.0  # of the seat in its upper end [m]
+    bore: float = 0.0  # its diameter below a seat that does not go through [m]
 
     @property
     def label(self) -> str:
@@ -163,11 +165,11 @@ def plates(
             f'hole of {name}: no such joint; there are {listing}{did_you_mean(name, joints)}'
         )
     for plate in robot_plates:
-        _check_holes(plate)
+        check_holes(plate)
     return tuple(robot_plates)
 
 
-def _check_holes(plate: Plate) -> None:
+def check_holes(plate: Plate) -> None:
     """Refuse holes that leave too little material between them."""
     for hole_a, hole_b in combinations(plate.holes, 2):
         diameters = hole_a.diameter, hole_b.diameter
@@ -177,7 +179,7 @@ def _check_holes(plate: Plate) -> None:
             raise ExportError(
                 f'{plate.name}: {hole_a.label} and {hole_b.label} are {distance * 1e3:.3g} mm '
                 f'apart, at least {min_distance * 1e3:.3g} mm are needed: use smaller holes '
-                f'(--hole) or a larger --scale'
+                f'(--hole, --seat) or a larger --scale'
             )
 
 
@@ -314,4 +316,5 @@ def merged_holes(holes: list[Hole]) -> Iterator[Hole]:
             groups.append([hole])
     for group in groups:
         names = [hole.name for hole in group if hole.name]
-        yield Hole(','.join(names), group[0].at, max(hole.diameter for hole in group))
+        widest = max(group, key=lambda hole: hole.diameter)
+        yield replace(widest, name=','.join(names), at=group[0].at)

@@ -40,7 +40,7 @@ DEFAULT_WALL = 1e-3
 # A greater size of a part was probably given in another unit [m].
 MAX_PART_SIZE = 0.5
 SIZES = tuple(field.name for field in fields(PartSizes))
-LENGTHS = (*(name for name in SIZES if name != 'holes'), 'wall')
+LENGTHS = (*SIZES, 'wall')
 _DESCRIPTION = 'linkage_description'
 # Parameters of a leg that its weighed linkage replaces.
 _REPLACED = {*LEG_PARAMETERS, 'bar_density'}
@@ -57,20 +57,23 @@ class Material(NamedTuple):
     def mass(self, part: Part) -> BodyMass:
         """Return the mass of a part; centre and inertia are those of an even infill."""
         solid = part.mass(self.density)
-        core = sum(map(self._core_volume, part.prisms)) / part.volume
+        core = sum(self._core_volume(prism, part) for prism in part.prisms) / part.volume
         filled = 1.0 - (1.0 - self.infill) * core
         return solid._replace(mass=filled * solid.mass, inertia=filled * solid.inertia)
 
-    def _core_volume(self, prism: Prism) -> float:
+    def _core_volume(self, prism: Prism, part: Part) -> float:
         """Return the volume inside of the walls of a prism [m^3], by Steiner's formula."""
         height = prism.high - prism.low
+        # There is no wall between prisms of one outline: a plate with seats.
+        layers = [layer for layer in part.prisms if layer.outlines == prism.outlines]
+        walls = 2 - sum(layer.low == prism.high or layer.high == prism.low for layer in layers)
         curves = (*prism.outlines, *prism.cuts)
         # All curves but the outer one have the material outside.
         area = prism.moments[0].real / height + pi * self.wall**2 * (2 - len(curves))
         for curve in curves:
             points = np.array([*polyline(curve, FINE_TOLERANCE)])
             area -= self.wall * abs(points - np.roll(points, 1)).sum()
-        return max(0.0, height - 2.0 * self.wall) * max(0.0, float(area))
+        return max(0.0, height - walls * self.wall) * max(0.0, float(area))
 
 
 def part_settings(
@@ -79,11 +82,12 @@ def part_settings(
     """Return `parts` of the first leg that has them in its file, changed by others [unit]; [m]."""
     contents = (parse(leg.description) for leg in legs if leg.description)
     content: Any = next((content for content in contents if 'parts' in content), {})
-    settings = _converted(content.get('parts', {}), _metre(content))
-    holes = settings.get('holes', {})
-    settings |= _converted(changes, unit)
-    settings['holes'] = {**holes, **settings.get('holes', {})}
-    sizes = {f'parts.{name}': settings[name] for name in LENGTHS if name in settings}
+    of_file = _converted(content.get('parts', {}), _metre(content))
+    settings = of_file | _converted(changes, unit)
+    for name in ('holes', 'seats'):
+        settings[name] = {**of_file.get(name, {}), **settings.get(name, {})}
+    scalars = {name for name in LENGTHS if isinstance(settings.get(name), float)}
+    sizes = {f'parts.{name}': settings[name] for name in scalars}
     warn_of_lengths(sizes, 'write units: {length: mm}', MAX_PART_SIZE)
     if 'material' in settings:
         _materials(settings)
@@ -96,13 +100,17 @@ def _metre(content: Mapping[str, Any]) -> float:
 
 def _converted(settings: Mapping[str, Any], unit: float) -> dict[str, Any]:
     """Return settings of parts with lengths in another unit, rounded as numbers of files."""
-    converted = dict(settings)
-    for name in {*LENGTHS} & settings.keys():
-        converted[name] = round(unit * settings[name], NUMBER_DIGITS)
-    holes = {}
-    for joint, hole in converted.pop('holes', {}).items():
-        holes[joint] = round(unit * hole, NUMBER_DIGITS)
-    return converted | ({'holes': holes} if holes else {})
+
+    def convert(length: Any) -> Any:
+        if isinstance(length, Mapping):
+            return {joint: convert(size) for joint, size in length.items()}
+        return np.round(unit * np.array(length), NUMBER_DIGITS).tolist()
+
+    converted = {}
+    for name, setting in settings.items():
+        if setting not in ({}, ()):
+            converted[name] = convert(setting) if name in LENGTHS else setting
+    return converted
 
 
 def part_sizes(settings: Mapping[str, Any]) -> PartSizes:

@@ -64,6 +64,13 @@ def test_a_walker_is_written_with_all_its_legs(tmp_path: Path) -> None:
         ('sem104 --svg a.svg --width 3', 'wider than its hole'),
         ('sem104 --svg a.svg --kerf 4', 'narrower than the smallest hole'),
         ('sem104 --svg a.svg --hole Z=4', 'no such joint; there are A, B'),
+        ('sem104 --stl a --seat Z=10x4', 'seat of Z: no plate turns on a pin there'),
+        ('sem104 --stl a --seat H=10x4', 'seat of H: no plate turns on a pin there'),
+        ('sem104 --stl a --seat A=3.3x3', 'is refused: wider than its hole'),
+        ('sem104 --stl a --seat A=12x3 --width 17', 'at most 11.33 mm in this --width'),
+        ('sem104 --stl a --seat A=8x2.5 --width 17', 'or at most 75% of that'),
+        ('sem104 --stl a --seat A=8x4 --width 17', 'as deep as the plate, 3 mm'),
+        ('watt_six_bar --scale 0.2 --svg a.svg --width 12 --seat 8x3', 'use smaller holes'),
         ('andrews --dxf a.dxf --hole 6 --width 9', 'larger --scale'),
         ('bare.yaml --mjcf a.xml', 'bar_density'),
         ('bad.yaml --urdf a.urdf', 'holds no robot'),
@@ -97,6 +104,8 @@ def test_a_refused_robot_is_exit_code_2_in_one_line(
         ('--hole=nan', 'nan is refused'),
         ('--hole=1e400', '1e400 is refused'),
         ('--hole=A=', 'it must be a diameter in mm, such as 4.2 or A=6'),
+        ('--seat=A=10', 'it must be sizes in mm, such as 220x220, or A=10x4'),
+        ('--seat=10xnan', 'nan is refused: it must be sizes in mm'),
         ('--scale=0', '0 is refused: it must be a number > 0'),
         ('--kerf=x', 'x is refused: it must be a number >= 0'),
         ('--kerf=nan', 'nan is refused: it must be a number >= 0'),
@@ -150,6 +159,20 @@ def test_each_unbuildable_part_is_reported_in_one_line(
     slot, stub = capsys.readouterr().err.splitlines()
     assert 'run into each other' in slot
     assert stub.endswith('the pin A must be a stub: yoke passes through it')
+
+
+def test_a_walker_without_a_frame_and_seats_without_a_drawing_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    file = tmp_path / 'walker.yaml'
+    legs = 'left: {mount_xyz: [0, 1, 0]}, right: {mount_rpy: [1, 0, 0], mount_xyz: [0, -1, 0]}'
+    file.write_text(f'legs: [left, right]\npreset: sem104\n{legs.replace("}, ", "}" + chr(10))}\n')
+    options = ['--seat', '6x2', '--svg', str(tmp_path / 'a.svg')]
+    assert main([str(file), *options]) == 0
+    out, error = capsys.readouterr()
+    assert error.startswith('export: the legs get no frame, and none moves out: ')
+    assert error.count('\n') == 1
+    assert 'seats that do not go through are not in SVG and DXF' in out
 
 
 def test_a_leg_of_every_kind_is_cut_and_assembled(

@@ -105,6 +105,34 @@ def test_printed_parts_lie_flat_with_the_larger_face_down() -> None:
         assert low >= high - 1e-6
 
 
+def test_seats_are_cut_in_the_plates_that_turn_on_a_pin() -> None:
+    sizes = PartSizes(width=15e-3, thickness=4e-3, clearance=CLEARANCE)
+    seats = {'seat': (10e-3, 2.5e-3), 'seats': {'G': (7e-3, 4e-3)}}
+    robot = robot_of('klann')
+    (plain,) = placed_legs(robot, sizes, 0.25)
+    (leg,) = placed_legs(robot, replace(sizes, **seats), 0.25)
+    blind = np.pi / 4.0 * (10.0**2 - 3.5**2) * 2.5
+    through = np.pi / 4.0 * (7.0**2 - 3.5**2) * 4.0
+    # The pins of D and E are fixed to the ground, that of B to the crank, which turns in A.
+    cut_volumes = {'ground': blind, 'gamma': blind, 'beta': 2.0 * blind}
+    cut_volumes |= {'delta': blind, 'theta': blind + through}
+    for without, part in zip(plain.parts, leg.parts, strict=True):
+        cut = cut_volumes.get(part.name, 0.0)
+        assert 1e9 * (without.volume - part.volume) == pytest.approx(cut, rel=1e-4), part.name
+        if not cut:
+            continue
+        mesh = mesh_of(part)
+        assert mesh.is_watertight
+        assert mesh.body_count == 1
+        assert mesh.volume == pytest.approx(1e9 * part.volume, rel=5e-4)
+        laid = next(iter(printed_parts([part]).values()))[0]
+        faces = laid.area_faces * (laid.face_normals[:, 2] > 0.99)
+        # The floors of blind seats look up.
+        is_floor = abs(laid.triangles_center[:, 2] - 1.5) < 1e-6
+        floors = np.pi / 4.0 * (10.0**2 - 3.5**2) * (2 if part.name == 'beta' else 1)
+        assert faces[is_floor].sum() == pytest.approx(floors, rel=1e-3)
+
+
 def test_a_walker_is_printed_leg_by_leg_on_beds_without_overlap() -> None:
     robot = robot_from_file(str(CONFIG / 'walker4.yaml'))
     legs = placed_legs(robot, SIZES, 0.2)

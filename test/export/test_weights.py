@@ -9,7 +9,7 @@ from klann_ros.datasheet.command import main as describe
 from klann_ros.dynamics import BodyMass
 from klann_ros.export import Part, part_settings, PartSizes, placed_legs, plates, Role
 from klann_ros.export.command import main
-from klann_ros.export.parts import plate_prism
+from klann_ros.export.parts import prisms
 from klann_ros.export.plates import Plate
 from klann_ros.export.weights import Material, weighed_file
 from klann_ros.kinematics import FIXED, Linkage, schema_error, SHIPPED
@@ -37,7 +37,7 @@ def plates_of(name: str) -> dict[str, Plate]:
 
 
 def plate_mass(plate: Plate, thickness: float, density: float) -> BodyMass:
-    part = Part(plate.name, Role.LINK, plate.body, (plate_prism(plate, 0.0, thickness),))
+    part = Part(plate.name, Role.LINK, plate.body, tuple(prisms(plate, 0.0, thickness)))
     return part.mass(density)
 
 
@@ -142,6 +142,21 @@ def test_a_printed_leg_weighs_its_meshes_in_describe(name: str, tmp_path: Path) 
             expected += 7850.0 * part.volume
     assert leg['mass'] == pytest.approx(expected, rel=1e-2)
     assert leg['mass_origin'] == 'parts of PLA, 3 mm, infill 30 %, pins of steel, by export'
+
+
+def test_a_seat_has_no_wall_inside_of_its_plate() -> None:
+    sizes = PartSizes(width=WIDTH, thickness=4e-3, seat=(10e-3, 2.5e-3))
+    (leg,) = placed_legs(robot_of('klann'), sizes)
+    beta = [plate.name for plate in leg.stack.plates].index('beta')
+    plate = leg.stack.plates[beta]
+    below = replace(plate, holes=tuple(replace(h, diameter=h.bore) for h in plate.holes))
+    # The clearance, which seats have not, is in the meshes.
+    holes = [replace(h, diameter=h.diameter - sizes.clearance) for h in plate.holes]
+    above = replace(plate, holes=tuple(holes))
+    volume = mesh_volume(below, 0.0, 1.5e-3) + mesh_volume(above, 0.0, 2.5e-3)
+    core = mesh_volume(below, WALL, 1.5e-3 - WALL) + mesh_volume(above, WALL, 2.5e-3 - WALL)
+    mass = Material('PLA', PLA, INFILL).mass(leg.parts[beta]).mass
+    assert mass == pytest.approx(PLA * (volume - (1.0 - INFILL) * core), rel=1e-3)
 
 
 def test_an_infill_without_walls_is_a_factor() -> None:
