@@ -90,6 +90,8 @@ SCROLL = """() => {
     return views;
 }"""
 
+ODOMETRY_OF = '(names) => live.odomOf(Object.fromEntries(names.map((name) => [name, name])))'
+
 
 def solved(linkage: Linkage, alpha: float) -> tuple[list[float], dict[str, complex]]:
     """Return the coordinates of a leg, the crank's first, and its points."""
@@ -213,3 +215,21 @@ def test_a_finger_that_scrolls_the_page_leaves_the_view(
     views = opened.page.evaluate(SCROLL)
     assert views[1] != views[0]
     assert views[2] == views[0]
+
+
+def test_another_walkers_odometry_and_path_are_not_the_shown_ones(
+    visit_live: Callable[..., OpenedPage],
+) -> None:
+    state = WalkerState(WALKER)
+    (walker,) = json.loads(state.parts['legs'][1])
+    walkers = [walker, {**walker, 'node': '/twin/solver_node', 'numbers': [2, 3]}]
+    opened = visit_live(state)
+    opened.page.evaluate('live.ground.move([1, 2, 0, 0, 0, 0, 0, 0, 0, 1])')
+    assert opened.page.evaluate(ODOMETRY_OF, ['/other/odom']) == '/other/odom'
+    state.set_part('legs', walkers)
+    opened.until('live.solvers.length === 2')
+    assert opened.page.evaluate(ODOMETRY_OF, ['/twin/odom']) is None
+    assert opened.page.evaluate(ODOMETRY_OF, ['/odom', '/twin/odom']) == '/odom'
+    state.set_part('legs', [{**walker, 'node': '/third/solver_node'}])
+    opened.until('live.solvers.length === 1 && live.stage.legs.length')
+    assert opened.page.evaluate('live.ground.path') == []

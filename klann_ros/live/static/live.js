@@ -133,7 +133,7 @@ class Live {
     for (const leg of drawable.length > 1 ? drawable : []) {
       const svg = document.createElementNS(SVG, 'svg');
       svg.setAttribute('aria-hidden', 'true');
-      const button = make('button', '', svg, make('span', '', leg.title));
+      const button = make('button', '', svg, make('span', '', ...breakable(leg.title)));
       button.type = 'button';
       button.addEventListener('click', () => this.choose(leg.key));
       holder.append(button);
@@ -245,13 +245,14 @@ class Live {
     byId('walking').textContent = odom ? motionText(odom[3], odom[4]) : '–';
   }
 
-  /** Return the odometry in the namespace of the shown walker, or the only one. */
+  /** Return the odometry in the namespace of the shown walker; of the only walker, the only one. */
   odomOf(odoms) {
     const [leg] = this.stage.legs;
     const parent = (name) => name.slice(0, name.lastIndexOf('/'));
     const names = Object.keys(odoms);
     const own = leg && names.find((name) => parent(name) === parent(leg.solver.node));
-    return odoms[own || (names.length === 1 ? names[0] : '')];
+    const walkers = new Set(this.legs.filter(({ mount }) => mount).map(({ solver }) => solver.node));
+    return odoms[own || (names.length === 1 && walkers.size <= 1 ? names[0] : '')];
   }
 
   caption(track) {

@@ -40,6 +40,7 @@ class Stage {
     this.scene = null;
     this.failure = '';
     this.legs = [];
+    this.node = '';
     this.text = '';
     for (const [name, button] of Object.entries(this.buttons)) {
       button.addEventListener('click', () => this.choose(name === 'space'));
@@ -68,6 +69,11 @@ class Stage {
     const ofLeg = live.leg && live.leg.mount && isWalker(live.leg.solver) ? live.leg.solver : null;
     const solver = ofLeg || solvers.find(isWalker);
     this.legs = mounted.filter((leg) => leg.solver === solver);
+    if (solver && solver.node !== this.node) {
+      // The path walked is another walker's.
+      this.node = solver.node;
+      for (const ground of [live.ground, live.truth]) ground.forget();
+    }
     this.buttons.space.disabled = Boolean(this.failure);
     this.buttons.space.setAttribute('aria-pressed', String(isInSpace));
     this.buttons.flat.setAttribute('aria-pressed', String(!isInSpace));

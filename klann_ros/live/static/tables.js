@@ -15,6 +15,11 @@ function make(name, className, ...content) {
   return node;
 }
 
+/** Return the pieces of a name, which may break between them. */
+function breakable(name) {
+  return name.split(/(?<=_)/).flatMap((piece) => [piece, document.createElement('wbr')]);
+}
+
 /** Show the diagnostics; equal ones of several nodes are grouped. */
 function showDiagnostics(list, statuses) {
   const groups = new Map();
