@@ -203,7 +203,8 @@ class PlateMotion:
         for j, body in enumerate(structure.bodies):
             if not body.slides:
                 along = paths[body.bars[0].end] - paths[body.bars[0].start]
-                rotations[j] = along / np.abs(along)
+                with np.errstate(invalid='ignore'):  # NaN where it cannot be assembled
+                    rotations[j] = along / np.abs(along)
         # Origin and rotation of each body's coordinates.
         self._frames = {FIXED: (zero, rotations[FIXED])}
         for j, body in enumerate(structure.bodies):

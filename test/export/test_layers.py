@@ -3,15 +3,17 @@
 from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import permutations, product
+import warnings
 from xml.etree import ElementTree as ET
 
-from klann_ros.export import assembly, Layers, layers, Plate, plates
+from klann_ros.export import assembly, Layers, layers, placed_legs, Plate, plates
 from klann_ros.export.assembly import pins, spacers
 from klann_ros.export.layers import Shaft
 from klann_ros.export.travel import crank_angles
 from klann_ros.kinematics import LinkageLeg
-from klann_ros.robot import robot_of
+from klann_ros.robot import Robot, robot_of, RobotLeg
 import pytest
+from random_linkages import random_linkage
 from sample_linkages import SHIPPED_ROBOTS
 from shapely import box, LineString, Point, STRtree, union_all
 from shapely.affinity import affine_transform
@@ -171,3 +173,10 @@ def test_the_sheet_shows_each_layer_and_names_each_pin() -> None:
     assert all(texts.count(name) > 1 for name in 'ABCDEFG')
     # The coupler passes over the axle of the crank, which cannot have a nut there.
     assert texts.count('upper flush') == 1
+
+
+def test_angles_that_a_coupled_linkage_cannot_reach_give_no_warning() -> None:
+    linkage = random_linkage(8, coupled=True)
+    linkage = linkage.scaled(0.3 / linkage.size)
+    with warnings.catch_warnings(action='error'):
+        assert placed_legs(Robot('', (RobotLeg('', linkage),)))[0].stack.count > 1
