@@ -209,13 +209,20 @@ def seated(stack: Layers, sizes: PartSizes, linkage: Linkage) -> Layers:
         points = {*shaft.name.split(',')}
         seat = next((sizes.seats[name] for name in points & sizes.seats.keys()), sizes.seat)
         bodies = {plates[p].body: p for p in shaft.plates}
-        carrier = bodies.get(crank, shaft.carrier) if FIXED in bodies else shaft.carrier
+        carrier = shaft.carrier
+        for end in stack.flush:
+            # A flush end is fixed in its plate.
+            if end.shaft.name == shaft.name:
+                upward = sorted(shaft.plates, key=stack.layer.__getitem__)
+                carrier = upward[0 if end.side is Side.LOWER else -1]
+        if FIXED in bodies:
+            carrier = bodies.get(crank, carrier)
         for p in {*shaft.plates} - {carrier} if seat else ():
-            width = plates[p].width
-            joints = [hole for hole in plates[p].holes if hole.points & points]
-            seats = {hole: _seat(hole, seat[0], seat[1], sizes, width) for hole in joints}
-            holes = tuple(seats.get(hole, hole) for hole in plates[p].holes)
-            plates[p] = replace(plates[p], holes=holes)
+            holes = [*plates[p].holes]
+            for k, hole in enumerate(holes):
+                if hole.points & points:
+                    holes[k] = _seat(hole, seat[0], seat[1], sizes, plates[p].width)
+            plates[p] = replace(plates[p], holes=tuple(holes))
             check_holes(plates[p])
     return replace(stack, plates=tuple(plates))
 

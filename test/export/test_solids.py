@@ -113,8 +113,9 @@ def test_seats_are_cut_in_the_plates_that_turn_on_a_pin() -> None:
     (leg,) = placed_legs(robot, replace(sizes, **seats), 0.25)
     blind = np.pi / 4.0 * (10.0**2 - 3.5**2) * 2.5
     through = np.pi / 4.0 * (7.0**2 - 3.5**2) * 4.0
-    # The pins of D and E are fixed to the ground, that of B to the crank, which turns in A.
-    cut_volumes = {'ground': blind, 'gamma': blind, 'beta': 2.0 * blind}
+    # The pins of D and E are fixed to the ground, that of B to the crank, which turns in A, and
+    # that of C to beta, where its end is flush.
+    cut_volumes = {'ground': blind, 'gamma': 2.0 * blind, 'beta': blind}
     cut_volumes |= {'delta': blind, 'theta': blind + through}
     for without, part in zip(plain.parts, leg.parts, strict=True):
         cut = cut_volumes.get(part.name, 0.0)
@@ -129,7 +130,7 @@ def test_seats_are_cut_in_the_plates_that_turn_on_a_pin() -> None:
         faces = laid.area_faces * (laid.face_normals[:, 2] > 0.99)
         # The floors of blind seats look up.
         is_floor = abs(laid.triangles_center[:, 2] - 1.5) < 1e-6
-        floors = np.pi / 4.0 * (10.0**2 - 3.5**2) * (2 if part.name == 'beta' else 1)
+        floors = np.pi / 4.0 * (10.0**2 - 3.5**2) * (2 if part.name == 'gamma' else 1)
         assert faces[is_floor].sum() == pytest.approx(floors, rel=1e-3)
 
 

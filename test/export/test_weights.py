@@ -147,15 +147,18 @@ def test_a_printed_leg_weighs_its_meshes_in_describe(name: str, tmp_path: Path) 
 def test_a_seat_has_no_wall_inside_of_its_plate() -> None:
     sizes = PartSizes(width=WIDTH, thickness=4e-3, seat=(10e-3, 2.5e-3))
     (leg,) = placed_legs(robot_of('klann'), sizes)
-    beta = [plate.name for plate in leg.stack.plates].index('beta')
-    plate = leg.stack.plates[beta]
-    below = replace(plate, holes=tuple(replace(h, diameter=h.bore) for h in plate.holes))
+    gamma = [plate.name for plate in leg.stack.plates].index('gamma')
+    plate = leg.stack.plates[gamma]
+    below = replace(
+        plate, holes=tuple(replace(h, diameter=h.bore or h.diameter) for h in plate.holes)
+    )
     # The clearance, which seats have not, is in the meshes.
-    holes = [replace(h, diameter=h.diameter - sizes.clearance) for h in plate.holes]
-    above = replace(plate, holes=tuple(holes))
+    seats = [replace(h, diameter=h.diameter - sizes.clearance) for h in plate.holes if h.bore]
+    plain = [h for h in plate.holes if not h.bore]
+    above = replace(plate, holes=(*seats, *plain))
     volume = mesh_volume(below, 0.0, 1.5e-3) + mesh_volume(above, 0.0, 2.5e-3)
     core = mesh_volume(below, WALL, 1.5e-3 - WALL) + mesh_volume(above, WALL, 2.5e-3 - WALL)
-    mass = Material('PLA', PLA, INFILL).mass(leg.parts[beta]).mass
+    mass = Material('PLA', PLA, INFILL).mass(leg.parts[gamma]).mass
     assert mass == pytest.approx(PLA * (volume - (1.0 - INFILL) * core), rel=1e-3)
 
 
