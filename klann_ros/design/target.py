@@ -262,7 +262,7 @@ def _csv_points(text: str) -> ComplexArray:
         # With semicolons or tabs a comma is that of a decimal.
         cells = re.split(r'[;\t]', line) if re.search(r'[;\t]', line) else line.split(',')
         try:
-            x, y = map(_decimal, cells[:2])
+            x, y = (float(cell.strip().replace(',', '.')) for cell in cells[:2])
         except ValueError:
             if not points and number == 1:
                 continue
@@ -271,10 +271,6 @@ def _csv_points(text: str) -> ComplexArray:
             ) from None
         points.append(complex(x, y))
     return np.array(points, dtype=np.complex128)
-
-
-def _decimal(cell: str) -> float:
-    return float(cell.strip().replace(',', '.'))
 
 
 def _svg_points(text: str) -> ComplexArray:

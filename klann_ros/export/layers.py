@@ -17,7 +17,7 @@ from klann_ros.kinematics import cross, FIXED, Linkage, linkage_poses
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 import numpy as np
 
-from .plates import COINCIDENCE, ExportError, Hole, Plate, Slot
+from .plates import COINCIDENCE, ExportError, Hole, Plate
 from .travel import crank_angles
 
 # Search steps for the first arrangement, and for a better one.
@@ -319,15 +319,11 @@ def _shaft(plates: Sequence[Plate], group: Sequence[tuple[int, Hole]]) -> Shaft:
     for p, plate in enumerate(plates):
         for slot in plate.slots:
             for q, hole in group:
-                if plates[q].body == slot.body and _has_pin(slot, hole.at):
+                is_guided = any(abs(hole.at - pin) < COINCIDENCE for pin in slot.pins)
+                if plates[q].body == slot.body and is_guided:
                     through[p] = None
                     name = name if points else f'guide of {slot.name}'
     return Shaft(name, tuple(through), carrier, first_hole.at, diameter)
-
-
-def _has_pin(slot: Slot, place: complex) -> bool:
-    """Return whether a pin of a slot is at a place of the sliding body."""
-    return any(abs(place - pin) < COINCIDENCE for pin in slot.pins)
 
 
 def _between(layer: Sequence[int], pin: PinPlates) -> tuple[int, ...]:

@@ -183,12 +183,9 @@ def cranks_urdf(robot: Robot, *, simulated: bool) -> str:
         axles += filled('axle', joint=name)
         joints += filled('joint', joint=name, position=position)
     sections = {'axles': axles, 'joints': joints, 'plugin': texts['plugin']}
-    return filled('cranks', name=_comment(robot.name), sensor=texts['sensor'], **sections)
-
-
-def _comment(text: str) -> str:
-    """Return a text that may stand in a comment of XML."""
-    return printable(text).replace('-', '_')
+    # It stands in a comment of XML, where hyphens may end it.
+    robot_name = printable(robot.name).replace('-', '_')
+    return filled('cranks', name=robot_name, sensor=texts['sensor'], **sections)
 
 
 def _walker(file: str, robot: Robot) -> str:

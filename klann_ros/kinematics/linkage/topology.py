@@ -73,7 +73,9 @@ def _next_group(graph: _Graph, placed: Group, waiting: Group) -> Group:
     loop_count = _count_loops(graph, placed)
     for size in range(1, len(waiting) + 1):
         for group in combinations(waiting, size):
-            if not _are_carriers_placed(graph, (*placed, *group)):
+            bodies = {*placed, *group}
+            # A sliding body waits for its carrier.
+            if any(graph.along[j] not in {None, -1, *bodies} for j in bodies):
                 continue
             equations = 2 * (_count_loops(graph, placed + group) - loop_count)
             if equations > size:
@@ -98,11 +100,6 @@ def _next_group(graph: _Graph, placed: Group, waiting: Group) -> Group:
             f'({names}) and {2 * (total - loop_count)} loop equations'
         )
     raise GeometryError(msg)
-
-
-def _are_carriers_placed(graph: _Graph, bodies: Group) -> bool:
-    """Return whether the carriers of all sliding bodies are among them."""
-    return all(graph.along[j] in {None, -1, *bodies} for j in bodies)
 
 
 def _count_loops(graph: _Graph, bodies: Iterable[int]) -> int:

@@ -82,7 +82,8 @@ def _summary(rows: Sequence[Row]) -> str:
         duration += row.duration or 0.0
         message_count += row.messages or 0
         size += row.size or 0
-    return f'{_duration(duration)}, {message_count:,} messages, {_size(size)}'
+    size_text = f'{size / 1e6:.1f} MB' if size < 1e9 else f'{size / 1e9:.1f} GB'
+    return f'{_duration(duration)}, {message_count:,} messages, {size_text}'
 
 
 def _duration(seconds: float) -> str:
@@ -90,11 +91,6 @@ def _duration(seconds: float) -> str:
     if seconds < 120.0:
         return f'{seconds:.1f} s'
     return f'{seconds / 60.0:.1f} min' if seconds < 7200.0 else f'{seconds / 3600.0:.1f} h'
-
-
-def _size(size: int) -> str:
-    """Return a size [bytes] in the unit that suits it."""
-    return f'{size / 1e6:.1f} MB' if size < 1e9 else f'{size / 1e9:.1f} GB'
 
 
 def _filters(rows: Sequence[Row]) -> Markup:
