@@ -52,14 +52,6 @@ class LiveLeg:
     description: str = ''
 
     @property
-    def point(self) -> str:
-        """Return what its published point is, in words."""
-        if self.mount_xyz or self.solver.leg is None:
-            return 'foot'
-        leg = RobotLeg(self.name, self.solver.leg.linkage, description=self.description)
-        return 'foot' if leg.has_foot else 'coupler point'
-
-    @property
     def joint_names(self) -> tuple[str, ...]:
         """Return the published names of its joints, the crank's first; none if it is unknown."""
         return self.solver.published_joints(self.name) if self.solver.leg else ()
@@ -69,7 +61,7 @@ class LiveLeg:
         data: dict[str, Any] = {
             'name': printable(self.name, 60),
             'kind': '',
-            'point': self.point,
+            'point': 'foot',
             'joints': [],
             'slides': [],
             'shape': None,
@@ -84,6 +76,9 @@ class LiveLeg:
             data['joints'] = [printable(name, 60) for name in leg.joint_names]
             data['slides'] = [body.slides for body in linkage.structure.bodies]
             data['shape'] = drawn_shape(linkage)
+            robot_leg = RobotLeg(self.name, linkage, description=self.description)
+            if not (self.mount_xyz or robot_leg.has_foot):
+                data['point'] = 'coupler point'
         return data
 
 

@@ -196,7 +196,9 @@ class _Extension:
         names = {topic.name for topic in old_topics}
         # A type has one definition in the log: its own where it has the type already.
         definitions = {t.type: t.definition for t in old_topics if t.message_encoding == 'cdr'}
-        schema_numbers = map(_definition_number, self._groups[Opcode.SCHEMA])
+        number_bytes = slice(RECORD_HEAD.size, RECORD_HEAD.size + 2)
+        records = self._groups[Opcode.SCHEMA]
+        schema_numbers = [int.from_bytes(record[number_bytes], 'little') for record in records]
         number = max((*self._summary.channels.numbers(), *schema_numbers), default=0)
         schemas = b''
         channels = b''
@@ -291,8 +293,3 @@ class _Extension:
         self._file.write(chunk)
         self._file.write(indexes)
         self._groups[Opcode.CHUNK_INDEX].append(encoded(index))
-
-
-def _definition_number(record: bytes) -> int:
-    """Return the number of a schema or a channel."""
-    return int.from_bytes(record[slice(RECORD_HEAD.size, RECORD_HEAD.size + 2)], 'little')

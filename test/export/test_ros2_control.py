@@ -207,9 +207,9 @@ def test_no_folder_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[
     for output, reason in (
         (tmp_path, 'it exists already'),
         (tmp_path / 'link', 'it exists already'),
-        (tmp_path / 'no' / 'folder', 'No such file'),
+        (tmp_path / 'no' / 'folder', 'there is no folder'),
         (__file__, 'it is no folder'),
-        (f'{__file__}/inside', 'Not a directory'),
+        (f'{__file__}/inside', 'there is no folder'),
     ):
         assert main([file, '--ros2-control', str(output)]) == 3
         (line,) = capsys.readouterr().err.splitlines()

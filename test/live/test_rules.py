@@ -161,7 +161,7 @@ def test_a_leg_is_known_by_its_solver() -> None:
     assert b.joint_names[0] == 'b/alpha'
     assert 'b.l_gh' in solver.lengths
     assert 'use_sim_time' not in solver.lengths
-    assert a.point == 'foot'
+    assert a.as_data()['point'] == 'foot'
     four_bar = resources.files('klann_ros') / 'linkages' / 'four_bar.yaml'
     described = {'linkage_description': four_bar.read_text()}
     (leg,) = solver_of(SolverParameters('/x', 0, described)).legs
