@@ -30,7 +30,7 @@ function quantityText(value, unit) {
 /** Return a message of a node of ours with its lengths and angles in the page's units. */
 function inPageUnits(text) {
   return text.replace(SI_QUANTITY, (_, number, base, perSecond = '', angle = '') => {
-    if (angle) return quantityText(angle, base);
+    if (angle) return quantityText(Number(angle), base);
     const unit = base + perSecond;
     return quantityText(Number((number * PAGE_UNITS[unit][1]).toPrecision(6)), unit);
   });
