@@ -126,9 +126,9 @@ def _framed(legs: Sequence[PlacedLeg], sizes: PartSizes) -> list[PlacedLeg]:
         else:
             height = float(heights[k])
             if is_two_sided:
-                # The middle is between the walls of both sides.
+                # Heads of pins are between the walls of both sides.
                 middle = sides[k] * float(positions.mean())
-                height = max(height, middle - WALL_LAYER * sizes.pitch)
+                height = max(height, middle + (1 - WALL_LAYER) * sizes.pitch)
             if inner:
                 layer_count = max(legs[m].stack.count for m in inner[-1].legs) + 1 - WALL_LAYER
                 height = max(height, inner[-1].height + layer_count * sizes.pitch)
