@@ -11,8 +11,10 @@ HERE = Path(__file__).resolve().parent
 
 # ROS itself is no requirement of the distribution: where ROS 2 is sourced, rclpy is there already
 # without a distribution of that name. package.xml names it for rosdep, the extra "ros" for pip.
+# Its wheels are for one system; elsewhere the other programs are installed.
+WITH_ROS = '; sys_platform == "linux" and platform_machine == "x86_64"'
 EXTRAS = {
-    'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
+    'ros': [f'ros-jazzy-rclpy[fastrtps]{WITH_ROS}', f'ros-jazzy-common-interfaces{WITH_ROS}'],
     'pandas': ['pandas'],
     'plot': ['matplotlib'],
     'fast': ['numba'],

@@ -28,8 +28,14 @@ Answer = TypeVar('Answer')
 _Function = Callable[[Any], Any]
 _Answers = Iterator[tuple[int, Any]]
 ENGINES = ('local', 'ray')
-# Not forked from this process, which may have threads, but from one that has only imported.
-_SERVER = multiprocessing.get_context('forkserver')
+# Not forked from this process, which may have threads, but from one that has only imported. Where
+# libraries do not bear a fork (macOS), or there is none (Windows), each worker imports.
+if sys.platform == 'linux':
+    _CONTEXT = multiprocessing.get_context('forkserver')
+    _CPU_COUNT = len(os.sched_getaffinity(0))
+else:
+    _CONTEXT = multiprocessing.get_context('spawn')
+    _CPU_COUNT = os.cpu_count() or 1
 # Time for an idle worker to exit by itself [s].
 _EXIT_TIMEOUT = 2.0
 # A worker may die of something else than its task, so the task is tried again.
@@ -120,9 +126,10 @@ def _process_map(
     new_tasks = (_Task(number, item) for number, item in enumerate(items))
     retries: list[_Task] = []
     workers: list[_Worker] = []
-    _SERVER.set_forkserver_preload([getattr(function, 'func', function).__module__])
+    if sys.platform == 'linux':
+        _CONTEXT.set_forkserver_preload([getattr(function, 'func', function).__module__])
     try:
-        for _ in range(jobs or len(os.sched_getaffinity(0))):
+        for _ in range(jobs or _CPU_COUNT):
             task = next(new_tasks, None)
             if task is None:
                 break
@@ -161,18 +168,21 @@ class _Worker:
 
     def _start(self) -> None:
         """Start the process of the worker, with a pipe to it."""
-        self.connection, remote_end = _SERVER.Pipe()
+        self.connection, remote_end = _CONTEXT.Pipe()
         arguments = (remote_end, self._function)
-        self._process = _SERVER.Process(
+        self._process = _CONTEXT.Process(
             target=_answer_tasks, args=arguments, daemon=True, name='klann_ros worker'
         )
         # A worker ignores Ctrl-C, which reaches all processes of a terminal; but during its
-        # imports it would end with a traceback.
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
+        # imports it would end with a traceback, as on Windows, where it inherits no mask.
+        if sys.platform == 'win32':
             self._process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        else:
+            mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            try:
+                self._process.start()
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         # The worker then holds the only copy: the pipe closes when it dies.
         remote_end.close()
 
@@ -190,11 +200,19 @@ class _Worker:
     @property
     def is_done(self) -> bool:
         """Return whether there is an answer, or the deadline has passed."""
-        return self.connection.poll() or monotonic() >= self.deadline
+        return self._has_answer or monotonic() >= self.deadline
+
+    @property
+    def _has_answer(self) -> bool:
+        """Return whether there is an answer, or the end of the pipe."""
+        try:
+            return self.connection.poll()
+        except BrokenPipeError:  # Windows, of a dead worker
+            return True
 
     def receive(self) -> Any:
         """Return the task's answer or error."""
-        if not self.connection.poll():
+        if not self._has_answer:
             self._restart()
             return TaskError(f'it took longer than {self._time_limit:g} s')
         try:

@@ -8,6 +8,7 @@ a traceback; a machine without ROS gets one line, not a traceback.
 
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
+import errno
 from functools import partial
 from importlib import import_module
 from io import StringIO, TextIOWrapper
@@ -19,7 +20,6 @@ from typing import NoReturn
 import warnings
 
 from .sanitize.units import report_unit_warnings
-from .stop_signals import StopSignals
 
 # The matrices of a linkage are small: threads of BLAS that wait for one another cost a fit five
 # times its CPU on a busy machine. NumPy, imported later, reads this; workers inherit it.
@@ -33,6 +33,11 @@ _DISTRIBUTIONS = {'yaml': 'PyYAML'}
 
 
 def _run_node(name: str, *, uses_terminal: bool = False) -> int:
+    if sys.platform == 'win32':
+        print(f'{name}: nodes run on Linux only, on Windows in its WSL', file=sys.stderr)
+        return 1
+    from .stop_signals import StopSignals  # noqa: PLC0415 - Windows has no such signals
+
     stop = StopSignals(uses_terminal=uses_terminal)
     folder = name.removesuffix('_node')
     try:
@@ -83,7 +88,8 @@ def _run_tool(name: str, module: str, report_failed: int) -> int:
     report = StringIO()
     # Unfinished files are removed as by Ctrl-C; workers end by the default action.
     signal.signal(signal.SIGTERM, _terminate)
-    os.register_at_fork(after_in_child=partial(signal.signal, signal.SIGTERM, signal.SIG_DFL))
+    if sys.platform != 'win32':
+        os.register_at_fork(after_in_child=partial(signal.signal, signal.SIGTERM, signal.SIG_DFL))
     if isinstance(sys.stdout, TextIOWrapper):
         # Letters that the terminal cannot show become their numbers.
         sys.stdout.reconfigure(errors='backslashreplace')
@@ -133,6 +139,11 @@ def _run_command(name: str, module: str) -> int:
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
     """Defer Ctrl-C: extension modules turn it into a traceback during their import."""
+    if sys.platform == 'win32':  # where it can only be ignored
+        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        yield
+        signal.signal(signal.SIGINT, handler)
+        return
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -148,6 +159,8 @@ def _print_report(name: str, report: str) -> bool:
         _drop_output()
     except OSError as error:
         _drop_output()
+        if sys.platform == 'win32' and error.errno == errno.EINVAL:
+            return True  # a closed pipe
         print(f'{name}: the report cannot be written: {error.strerror}', file=sys.stderr)
         return False
     return True

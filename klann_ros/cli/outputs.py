@@ -15,9 +15,10 @@ import os
 from pathlib import Path
 import shutil
 import stat
+import sys
 from typing import Any, BinaryIO
 
-from klann_ros.sanitize.files import is_regular_file, is_within, open_regular
+from klann_ros.sanitize.files import is_regular_file, is_within, NO_WAITING, open_regular
 from klann_ros.sanitize.text import printable, printable_line
 
 from .arguments import OutputError
@@ -68,7 +69,7 @@ class Output:
                 if is_within(self.path, input_path):
                     inside = 'inside ' if Path(input_path).is_dir() else ''
                     raise OutputError(f'it is {inside}{printable(input_path)}, which is only read')
-            if not self.path or self.path.endswith(os.sep):
+            if not self.path or self.path.endswith((os.sep, '/')):
                 raise OutputError('that is no path of a file')
             if _is_special(self.path):
                 return
@@ -90,8 +91,9 @@ class Output:
         """Yield a file that replaces the output when complete; a pipe is written directly."""
         if _is_special(self.path):
             # A pipe without a reader is an error; one with a reader may be slow.
-            descriptor = os.open(self.path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
-            os.set_blocking(descriptor, True)
+            descriptor = os.open(self.path, os.O_WRONLY | NO_WAITING)
+            if sys.platform != 'win32':
+                os.set_blocking(descriptor, True)
             with os.fdopen(descriptor, 'wb') as file:
                 yield file
             return
@@ -205,11 +207,11 @@ def _temporary_file(place: Path) -> Iterator[tuple[int, Path]]:
     if not place.parent.is_dir():
         raise OutputError(f'there is no folder {printable(place.parent)}')
     beside = place.with_name(f'.klann-{os.urandom(8).hex()}.new')
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
     try:
         # A signal may come as soon as it is there.
         descriptor = os.open(beside, flags, 0o666)
-        if old_status is not None:
+        if old_status is not None and sys.platform != 'win32':
             with suppress(OSError):
                 os.fchmod(descriptor, stat.S_IMODE(old_status.st_mode))
         yield descriptor, beside

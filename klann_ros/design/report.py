@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 import json
 from pathlib import Path
 import shlex
+import sys
 from typing import Any
 
 from klann_ros.sanitize.text import counted, finite, printable, printable_line
@@ -16,6 +17,8 @@ from .titles import aims_text, figure_aims, leg_titles
 
 # Legs in the text; design.json has all.
 MAX_SHOWN = 12
+# Shells of Linux and macOS have an export of their own.
+EXPORT = 'export' if sys.platform == 'win32' else 'env export'
 # The nodes of a simulated walker, which end with the page's.
 WALK = (
     '(for node in solver_node sim_node; do "$node" --ros-args --params-file {0} & done; '
@@ -46,10 +49,10 @@ def next_commands(
     plates = f'--svg {path(".svg")} --assembly {path("_assembly.svg")}'
     commands = [
         ('Data sheet', f'describe {file} {options} --html {path(".html")}'),
-        ('Parts', f'env export {file} --3mf {path(".3mf")} {plates}'),
+        ('Parts', f'{EXPORT} {file} --3mf {path(".3mf")} {plates}'),
     ]
     if leg.walker is not None:
-        control = f'env export {file} --ros2-control {path("_ros2_control")}'
+        control = f'{EXPORT} {file} --ros2-control {path("_ros2_control")}'
         commands += [('Simulated walker', WALK.format(file)), ('For ros2_control', control)]
     return commands
 

@@ -213,4 +213,4 @@ def lab_data() -> dict[str, Any]:
 
 
 if __name__ == '__main__':
-    LAB_FILE.write_text(lab_page(lab_data()), encoding='utf-8')
+    LAB_FILE.write_text(lab_page(lab_data()), encoding='utf-8', newline='\n')

@@ -99,9 +99,10 @@ def printed_parts(parts: Sequence[Part], bed: complex = 0j) -> dict[str, tuple[A
         plain = re.sub(r'[^A-Za-z0-9-]+', '_', '_'.join(words))[:MAX_NAME].strip('_')
         stem = plain
         for number in range(2, 2 + len(meshes)):
-            if stem in stems:
+            if stem.lower() in stems:
                 stem = f'{plain}_{number}'
-        stems.add(stem)
+        # On macOS and Windows a name in other letters is the same file.
+        stems.add(stem.lower())
         meshes[f'{stem}_x{count}'] = _laid(solid(first), first, bed), count
     return meshes
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 import json
 import os
+import sys
 from threading import Thread
 from typing import Any
 
@@ -42,5 +43,6 @@ class WalkerParts:
 def make_parts(text: str) -> dict[str, Any]:
     """Return the parts of the robot of parameters as JSON; errors as robot and parts have them."""
     # The legs come first.
-    os.nice(10)
+    if sys.platform != 'win32':
+        os.nice(10)
     return scene_parts(robot_from_parameters(json.loads(text), weigh=False))

@@ -151,7 +151,8 @@ def _wants_colour() -> bool:
     """Return whether stdout is a terminal with colours (https://no-color.org)."""
     # sys.stdout may be a buffer.
     out = sys.__stdout__
-    return out is not None and out.isatty() and not os.environ.get('NO_COLOR')
+    has_colours = sys.platform != 'win32' or 'WT_SESSION' in os.environ  # Windows Terminal
+    return out is not None and out.isatty() and has_colours and not os.environ.get('NO_COLOR')
 
 
 def _parser() -> ArgumentParser:

@@ -18,7 +18,8 @@ _KINDS = {
     stat.S_IFCHR: 'a device',
     stat.S_IFBLK: 'a device',
 }
-# What lseek looks for; absent on some systems.
+# Flags that never let an opening wait; absent on Windows, as is what lseek looks for.
+NO_WAITING: int = getattr(os, 'O_NONBLOCK', 0) | getattr(os, 'O_NOCTTY', 0)
 _DATA: int | None = getattr(os, 'SEEK_DATA', None)
 _HOLE: int | None = getattr(os, 'SEEK_HOLE', None)
 
@@ -36,7 +37,7 @@ def open_regular(path: AnyPath) -> BinaryIO:
     # Opening a device may have an effect, so its kind is checked first; and again when it is
     # open, since it may have been replaced.
     _check_regular(Path(path).stat(), path)
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+    descriptor = os.open(path, os.O_RDONLY | NO_WAITING)
     try:
         _check_regular(os.fstat(descriptor), path)
         return os.fdopen(descriptor, 'rb')

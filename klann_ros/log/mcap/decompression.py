@@ -14,13 +14,14 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 import os
 from pathlib import Path
+import sys
 from typing import TypeAlias
 import zlib
 
 from klann_ros.sanitize.text import printable
 
-# The Python of a browser (Pyodide) lacks these: without `resource` no limit is known, and without
-# `lz4` or `zstandard` only uncompressed chunks are read.
+# The Python of a browser (Pyodide) lacks these, that of Windows `resource`: without it no limit
+# is known, and without `lz4` or `zstandard` only uncompressed chunks are read.
 try:
     import resource
 except ImportError:
@@ -204,9 +205,13 @@ def available_memory() -> int:
     limits = [2**40, *_group_memory()]
     with suppress(OSError, ValueError, IndexError):
         limits.append(int(_read_text('/proc/meminfo').split('MemAvailable:')[1].split()[0]) * 1024)
-    soft = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
+    soft = -1
+    if sys.platform != 'win32' and resource:
+        soft = resource.getrlimit(resource.RLIMIT_AS)[0]
+        with suppress(OSError, ValueError):  # macOS has no /proc
+            limits.append(os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE'))
     # RLIM_INFINITY is -1.
-    if soft >= 0:
+    if sys.platform != 'win32' and soft >= 0:
         with suppress(OSError, ValueError):
             pages = int(_read_text('/proc/self/statm').split()[0])
             limits.append(soft - pages * os.sysconf('SC_PAGE_SIZE'))

@@ -4,15 +4,18 @@ from collections.abc import Callable
 from contextlib import suppress
 from enum import Enum
 import errno
-import fcntl
 import os
 from pathlib import Path
 import shutil
+import sys
 import tempfile
 from typing import BinaryIO
 
 from klann_ros.log.errors import LowSpaceError
 from klann_ros.sanitize.text import printable
+
+if sys.platform != 'win32':
+    import fcntl
 
 RESERVE_SIZE = 512 * 1024
 """A chunk with its index, the open chunk, the summary and metadata.yaml fit into it [bytes]."""
@@ -21,7 +24,7 @@ NOT_FOUND = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.ESTALE)
 """Errors of a path that names nothing, and of a file that another host removed."""
 
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
-# macOS has no fdatasync; fsync does the same and more.
+# macOS and Windows have no fdatasync; fsync does the same and more.
 _sync = getattr(os, 'fdatasync', os.fsync)
 # A full disk must find room for the rest of the buffer in the reserve [bytes].
 _BUFFER_SIZE = 64 * 1024
@@ -43,7 +46,7 @@ class DiskReserve:
         self.spent: OSError | None = None
         self._size = 0
         self._descriptor = -1
-        if hasattr(os, 'posix_fallocate'):
+        if sys.platform == 'linux':
             with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
                 self._descriptor = os.dup(file.fileno())
             self.grow(RESERVE_SIZE)
@@ -52,7 +55,7 @@ class DiskReserve:
 
     def grow(self, size: int) -> None:
         """Grow to a size [bytes]; release everything where the disk has too little space."""
-        if self._descriptor < 0 or size <= self._size:
+        if sys.platform != 'linux' or self._descriptor < 0 or size <= self._size:
             return
         try:
             os.posix_fallocate(self._descriptor, self._size, size - self._size)
@@ -144,8 +147,8 @@ class DurableFile:
     truncates a partial block, so that the file ends with a whole record. A full disk is final
     only if the reserve cannot help.
 
-    The open file is locked: see :func:`is_being_written`. All methods but :meth:`close` raise an
-    OSError if the disk refuses.
+    The open file is locked, but not on Windows: see :func:`is_being_written`. All methods but
+    :meth:`close` raise an OSError if the disk refuses.
     """
 
     def __init__(self, path: Path, reserve: DiskReserve | None = None) -> None:
@@ -158,10 +161,12 @@ class DurableFile:
         self._buffer = bytearray()
         self._descriptor = -1
         # Appending: a file that another process truncates stays shorter than the data.
-        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        # Binary, as Windows would write a line feed as two bytes.
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | getattr(os, 'O_BINARY', 0)
         self._descriptor = os.open(path, flags, 0o666)
-        with suppress(OSError):  # some network disks have no locks
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if sys.platform != 'win32':
+            with suppress(OSError):  # some network disks have no locks
+                fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
     def append(self, data: bytes) -> int:
         """Buffer one or more whole records; return their size [bytes]."""
@@ -246,11 +251,12 @@ class DurableFile:
 
 def is_being_written(file: BinaryIO) -> bool:
     """Return whether a DurableFile of any process holds the lock of this open file."""
-    try:
-        fcntl.flock(file.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
-    fcntl.flock(file.fileno(), fcntl.LOCK_UN)
+    if sys.platform != 'win32':  # where no recorder runs
+        try:
+            fcntl.flock(file.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+        fcntl.flock(file.fileno(), fcntl.LOCK_UN)
     return False

@@ -10,6 +10,7 @@ from pathlib import Path
 import re
 import shutil
 import stat
+import sys
 
 from klann_ros.log.bag_metadata import FileSummary
 from klann_ros.log.errors import RunExistsError
@@ -105,8 +106,9 @@ class RunFolder:
             raise RunExistsError(self.path) from None
         self._close()
         try:
-            # An open folder keeps its inode number.
-            self._descriptor = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            # An open folder keeps its inode number; Windows opens none.
+            if sys.platform != 'win32':
+                self._descriptor = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
             self.reserve = DiskReserve(self.path) if self._has_reserve else None
             _sync_folder(self.path.parent)
         except OSError:
@@ -136,6 +138,8 @@ class RunFolder:
 
     def is_in_place(self) -> bool:
         """Return whether the path leads to the created folder, as far as that is visible."""
+        if sys.platform == 'win32':
+            return self.path.is_dir()
         try:
             return os.path.samestat(self.path.stat(), os.fstat(self._descriptor))
         except OSError as error:
@@ -144,7 +148,7 @@ class RunFolder:
     @property
     def free_space(self) -> int:
         """Return the space free for this user on the disk [bytes]."""
-        return shutil.disk_usage(self._descriptor).free
+        return shutil.disk_usage(self.path if self._descriptor < 0 else self._descriptor).free
 
     def name_of(self, number: int) -> str:
         """Return the name of a numbered file."""
@@ -181,12 +185,15 @@ class RunFolder:
             with suppress(OSError):
                 temporary.unlink()
             raise
-        os.fsync(self._descriptor)
+        if self._descriptor >= 0:
+            os.fsync(self._descriptor)
 
 
 def _sync_folder(path: Path) -> None:
-    """Make the names in a folder survive a power failure."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    """Make the names in a folder survive a power failure; Windows does so itself."""
+    if sys.platform == 'win32':
+        return
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)
     finally:

@@ -40,7 +40,7 @@ def save_index(rows: Sequence[Row], path: str, pages: Mapping[str, str], file: B
     links = {}
     for run, page in pages.items():
         if page:
-            links[run] = quote(os.path.relpath(Path(page).resolve(), folder))
+            links[run] = quote(Path(os.path.relpath(Path(page).resolve(), folder)).as_posix())
     file.write(_page(rows, links).encode(errors='replace'))
 
 
@@ -65,13 +65,13 @@ def _page(rows: Sequence[Row], links: Mapping[str, str]) -> str:
 
 def _common_folder(runs: Sequence[str]) -> str:
     """Return the folder that all runs are in, with a slash at its end; '' for none."""
-    folders = [run.rpartition('/')[0] for run in runs]
+    folders = [os.path.dirname(run) for run in runs]  # noqa: PTH120 - '' without one
     try:
         folder = os.path.commonpath(folders)
     except ValueError:
         # Some are absolute, some are not.
         return ''
-    return f'{folder.rstrip("/")}/' if folder else ''
+    return f'{folder.rstrip(os.sep)}{os.sep}' if folder else ''
 
 
 def _summary(rows: Sequence[Row]) -> str:

@@ -8,7 +8,7 @@ from io import BytesIO, StringIO
 import json
 from math import isfinite
 import os
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 from xml.etree.ElementTree import Element, ElementTree, indent, SubElement
 
@@ -252,8 +252,8 @@ def save_junit(rows: Sequence[Row], file: BinaryIO) -> None:
     root = Element('testsuites', counts)
     suite = SubElement(root, 'testsuite', {'name': 'klann_ros review', **counts})
     for row in rows:
-        folder, _, name = row.run.rstrip('/').rpartition('/')
-        case = SubElement(suite, 'testcase', classname=_text(folder or '.'), name=_text(name))
+        run = PurePath(_text(row.run))
+        case = SubElement(suite, 'testcase', classname=str(run.parent), name=run.name)
         if row.verdict == UNREADABLE:
             SubElement(case, 'error', type='unreadable', message=_text(row.reason))
         elif row.verdict == FINDINGS:
