@@ -233,3 +233,14 @@ def test_another_walkers_odometry_and_path_are_not_the_shown_ones(
     state.set_part('legs', [{**walker, 'node': '/third/solver_node'}])
     opened.until('live.solvers.length === 1 && live.stage.legs.length')
     assert opened.page.evaluate('live.ground.path') == []
+
+
+def test_pictures_go_on_where_their_completion_is_not_told(
+    visit_live: Callable[..., OpenedPage],
+) -> None:
+    opened = visit_live(WalkerState(WALKER))
+    opened.until('live.stage.scene')
+    opened.page.evaluate('live.stage.scene.renderer.getContext().getSyncParameter = () => 0')
+    start = opened.page.evaluate('live.stage.scene.renderer.info.render.frame')
+    is_later = f'live.stage.scene.renderer.info.render.frame > {start} + 8'
+    opened.until(f'live.stage.scene.draw(), {is_later}')
