@@ -50,11 +50,7 @@ class Pin(NamedTuple):
 def pins(
     stack: Layers, thickness: float, washer: float, *, is_framed: bool = False
 ) -> Iterator[Pin]:
-    """
-    Yield the pins of a leg for plates and washers of a thickness [m], in its order.
-
-    Those of the ground of a framed leg begin at its wall.
-    """
+    """Yield a leg's pins for plates and washers [m]; those of a framed ground from its wall."""
     for shaft in stack.shafts:
         low, high = stack.span(shaft)
         spacer_count = stack.spacers(shaft)
@@ -129,8 +125,8 @@ def assembly(
             if pin.low < 0:
                 counts = f'{counted(pin.spacers, "spacer")}, {counted(pin.washers, "washer")}'
                 size = f'{counts}, a grip of {pin.grip:.4g} mm, a screw of {pin.screw} mm'
-                text = f'Through a printed wall, pin {printable(pin.name, 24)}: {size}'
-                _text(root, text, y, TEXT)
+                name = printable(pin.name, 24)
+                _text(root, f'Through a printed wall, pin {name}: {size}', y, TEXT)
                 y += LINE * TEXT
     height = y + MARGIN
     root.attrib.update(

@@ -82,12 +82,9 @@ class PartSizes:
                 f'clearance = {self.clearance * 1e3:g} mm is refused: >= 0, and at most a '
                 f'quarter of the smallest hole, {min_hole * 1e3:g} mm'
             )
-        if min(min_hole, self.thickness) < MIN_SIZE or self.washer < 0.0:
-            raise ExportError(
-                f'holes of {min_hole * 1e3:g} mm, a thickness of {self.thickness * 1e3:g} mm or '
-                f'washers of {self.washer * 1e3:g} mm are refused: at least {MIN_SIZE * 1e3:g} mm '
-                'for holes and the thickness, and washers >= 0'
-            )
+        if min(min_hole, self.thickness) < MIN_SIZE:
+            sizes = f'holes of {min_hole * 1e3:g} mm, a thickness of {self.thickness * 1e3:g} mm'
+            raise ExportError(f'{sizes} are refused: at least {MIN_SIZE * 1e3:g} mm')
 
     @property
     def pitch(self) -> float:
