@@ -105,13 +105,11 @@ def _table_lines(table: FigureTable, title: str = '') -> Iterator[str]:
         width = min(max(map(len, cells)), MAX_COLUMN)
         is_first = not columns
         # The last cell tells a column of numbers; the first column has names.
-        align = str.rjust if _is_number(cells[-1]) and not is_first else str.ljust
+        has_digits = cells[-1].lstrip('-')[:1].isdigit()
+        is_number = has_digits or cells[-1] in {'any', figures.UNKNOWN_VALUE}
+        align = str.rjust if is_number and not is_first else str.ljust
         columns.append([align(cell, width) for cell in cells])
     for row in zip(*columns, strict=True):
         yield f'  {"  ".join(row)}'.rstrip()
     if table.note:
         yield f'  {printable_line(table.note)}'
-
-
-def _is_number(cell: str) -> bool:
-    return cell.lstrip('-')[:1].isdigit() or cell in ('any', figures.UNKNOWN_VALUE)

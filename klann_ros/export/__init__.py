@@ -21,7 +21,7 @@ from .assembly import assembly
 from .drawing import Drawing, drawing, dxf, NoEzdxfError, svg
 from .frame import placed_legs
 from .layers import Layers, layers
-from .parts import Part, PartSizes, PlacedLeg, Prism, Role
+from .parts import Part, PartSizes, PlacedLeg, Role
 from .plates import ExportError, Plate, plates
 from .scene import scene_parts
 from .urdf import urdf
@@ -36,7 +36,6 @@ __all__ = [
     'PartSizes',
     'PlacedLeg',
     'Plate',
-    'Prism',
     'Role',
     'assembly',
     'drawing',

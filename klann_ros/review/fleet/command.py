@@ -205,14 +205,11 @@ def _paths(folder: Path, runs: Sequence[FoundRun], suffix: str) -> list[str]:
     digits = len(str(len(runs)))
     paths = []
     for number, run in enumerate(runs, 1):
-        name = f'{number:0{digits}}_{_plain(Path(run.path).name)}{suffix}'
-        paths.append('' if run.fault else str(folder / name))
+        # A name that is safe for file systems and URLs.
+        name = re.sub(r'[^A-Za-z0-9.-]+', '_', Path(run.path).name)[:80].strip('.') or 'run'
+        file_name = f'{number:0{digits}}_{name}{suffix}'
+        paths.append('' if run.fault else str(folder / file_name))
     return paths
-
-
-def _plain(name: str) -> str:
-    """Return a name that is safe for file systems and URLs."""
-    return re.sub(r'[^A-Za-z0-9.-]+', '_', name)[:80].strip('.') or 'run'
 
 
 def _report(rows: Sequence[Row], asked: int) -> str:
