@@ -10,7 +10,15 @@ ROOT = Path(__file__).resolve().parents[2]
 # Whatever setup.py installs or reads. test/packaging compares the result with colcon's, which
 # builds from the checkout itself, so a missing name is detected.
 FOLDERS = (
-    *('config', 'foxglove', 'klann_ros', 'launch', 'plotjuggler', 'resource', 'rviz', 'urdf'),
+    'config',
+    'examples/requirements',
+    'foxglove',
+    'klann_ros',
+    'launch',
+    'plotjuggler',
+    'resource',
+    'rviz',
+    'urdf',
 )
 FILES = ('LICENSE', '*.cfg', '*.md', '*.py', '*.rst', '*.toml', '*.xml', 'scripts/launchers/*')
 

@@ -210,7 +210,8 @@ def test_every_key_of_a_linkage_file_is_read() -> None:
         'torsion_springs: [{joint: A, between: [theta2, theta3], stiffness: 1, rest_angle: 9}]\n'
         'mass_source: a pair of scales\n'
         'parts: {material: 650, pins: steel, infill: 0.3, wall: 1, thickness: 3, width: 10,\n'
-        '  hole: 3.2, holes: {A: 5}, washer: 0, clearance: 0.2}\n'
+        '  hole: 3.2, holes: {A: 5}, seat: [7, 2], seats: {A: [9, 2]}, washer: 0,\n'
+        '  clearance: 0.2}\n'
     )
     assert {*parse(text)['parts']} == {*SCHEMA['$defs']['parts']['properties']}
     assert linkage_from_text(text, 'all').at_change_points == 'crossed'

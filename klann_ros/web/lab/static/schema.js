@@ -124,6 +124,11 @@ function aPoint(value, place) {
   value.forEach((item, i) => aNumber(item, `${place}[${i}]`));
 }
 
+function aSeat(value, place) {
+  aPoint(value, place);
+  value.forEach((item, i) => aLength(item, `${place}[${i}]`));
+}
+
 function anEnd(value, place) {
   if (typeof value !== 'string') aPoint(value, place);
 }
@@ -217,6 +222,8 @@ const LINKAGE_RULES = record(['name', 'pivots', 'crank', 'foot', 'bodies'], {
     width: aLength,
     hole: aLength,
     holes: mapOf(aLength, 0),
+    seat: aSeat,
+    seats: mapOf(aSeat, 0),
     washer: anAmount,
     clearance: anAmount,
   }),
