@@ -143,7 +143,8 @@ def _contents(
             contents['--glb'] = glb(legs)
         if options.stl is not None or getattr(options, '3mf') is not None:
             meshes = printed_parts(_parts_to_print(legs, settings), options.bed)
-            folders['--stl'] = stl_files(meshes)
+            if options.stl is not None:
+                folders['--stl'] = stl_files(meshes)
             contents |= _beds(meshes, options)
     return contents, folders
 
