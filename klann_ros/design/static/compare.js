@@ -80,8 +80,8 @@ class Comparison {
     this.isMoving = !matchMedia('(prefers-reduced-motion: reduce)').matches;
     this.place = place;
     this.cards = make('div', '', 'chosen');
-    this.rest = make('div');
-    place.append(this.controls(), this.cards, this.rest);
+    this.details = make('div');
+    place.append(this.controls(), this.cards, this.details);
     let last = 0;
     const step = (now) => {
       if (this.isMoving) this.go((this.part + (now - last) / TURN_TIME) % 1);
@@ -125,9 +125,9 @@ class Comparison {
     for (const { walker } of this.drawn) walker?.dispose();
     this.cards.replaceChildren();
     this.drawn = legs.map((leg, k) => this.card(leg, planeOf(boxes[k], boxes)));
-    this.rest.replaceChildren(this.figures(legs), make('h2', 'Next'), ...legs.map(nextSteps));
+    this.details.replaceChildren(this.figures(legs), make('h2', 'Next'), ...legs.map(nextSteps));
     const folder = folderCommand();
-    if (folder) this.rest.querySelector('h2').after(folder);
+    if (folder) this.details.querySelector('h2').after(folder);
     this.go(this.part);
   }
 
