@@ -10,7 +10,7 @@ import tempfile
 import time
 
 from domain import own_world
-from environment import environment
+from environment import environment, NEEDS
 from processes import Command, CommandError, end, last_lines, pause, run, running
 from source import ROOT
 
@@ -111,7 +111,7 @@ def _view(show: str) -> int:
     """Show a moving leg or walker in a browser; return 0 after Ctrl-C."""
     title, arguments = SHOWS[show]
     with (
-        environment(show) as env,
+        environment(show if show in NEEDS else 'demo') as env,
         tempfile.TemporaryDirectory(prefix='klann_ros-') as work,
         own_world(Path(work)) as world,
         ExitStack() as stack,

@@ -13,6 +13,7 @@ import platform
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import time
 from urllib.request import urlopen
@@ -23,9 +24,9 @@ import source
 VERSION = '.'.join(platform.python_version_tuple()[:2])
 # Requirements of each command: extras of setup.py, and a requirements file.
 NEEDS = {
-    'demo': ('plot,view', None),
+    # The same for its leg and its walker: a second one starts at once beside a first one.
+    'demo': ('plot,sim,view', None),
     'demo --calibrate': ('calibration,sim,view', None),
-    'demo --walk': ('plot,sim,view', None),
     'test': ('fast,plot,test', Path(__file__).with_name('checks.txt')),
     'benchmark': ('design,fast,plot,sim,view', Path(__file__).with_name('benchmarks.txt')),
 }
@@ -39,6 +40,10 @@ PIP = (
 PIP_SHA256 = '9655943313a94722b7774661c21049070f6bbb0a1516bf02f7c8d5d9201514cd'
 NEEDED = 'a network, and Python 3.10 to 3.14 on x86-64 Linux or a sourced ROS 2 Jazzy'
 STAMP = 'klann_ros.txt'
+# The output of pip, for the progress.
+PIP_LOG = 'pip.txt'
+# Period of lines about the progress [s].
+PROGRESS_PERIOD = 15.0
 # Variables that redirect an installation, or that the wheels of ROS set for child processes.
 FOREIGN = {'PIP_USER', 'PIP_TARGET', 'PIP_PREFIX', 'PIP_CONSTRAINT', 'PYTHONHOME'}
 FOREIGN |= {'_ROS_WHEELS_BOOTSTRAP_COMPLETE'}
@@ -90,28 +95,95 @@ class Environment:
 
 @contextmanager
 def environment(command: str) -> Iterator[Environment]:
-    """Make the environment of `command` if needed, and lock it while in use."""
+    """
+    Make the environment of `command` if needed, and lock it while in use.
+
+    What running programs use is not changed: where it lacks something, a spare one is made.
+    """
     names = os.environ.get('PIP_CONSTRAINT', '').split()
     constraints = '\n'.join(Path(name).read_text(encoding='utf-8') for name in names)
     numpy = _numpy_of_sourced_ros()
     folder = f'.venv-{VERSION}' + ('-ros' if numpy else '')
     if constraints:
         folder += '-' + hashlib.sha256(constraints.encode()).hexdigest()[:6]
-    env = Environment(source.ROOT / folder, constraints, numpy)
-    env.folder.mkdir(exist_ok=True)
-    # Users share a lock on the folder; the maker holds it exclusively.
-    lock = os.open(env.folder, os.O_RDONLY)
-    try:
-        _acquire(lock, fcntl.LOCK_SH, env)
-        # Another command may take the lock in between.
-        while not _installed(env).issuperset(_stamp_lines(env, command)):
-            _acquire(lock, fcntl.LOCK_EX, env)
-            if not _installed(env).issuperset(_stamp_lines(env, command)):
+    for number in count(1):
+        suffix = f'-{number}' if number > 1 else ''
+        env = Environment(source.ROOT / f'{folder}{suffix}', constraints, numpy)
+        env.folder.mkdir(exist_ok=True)
+        # Users share a lock on the folder; the maker holds it exclusively.
+        lock = os.open(env.folder, os.O_RDONLY)
+        try:
+            if _is_provided(lock, env, command):
+                yield env
+                return
+        finally:
+            os.close(lock)
+
+
+def _is_provided(lock: int, env: Environment, command: str) -> bool:
+    """Complete an environment and share its lock; return False if programs use it without that."""
+    _await_maker(lock, env)
+    while not _is_complete(env, command):
+        if _acquires(lock, fcntl.LOCK_EX):
+            # Another command may have had the lock in between.
+            if not _is_complete(env, command):
                 _make_environment(env, command)
-            _acquire(lock, fcntl.LOCK_SH, env)
-        yield env
-    finally:
-        os.close(lock)
+        elif _acquires(lock, fcntl.LOCK_SH):
+            print(f'{_users(env)} runs in {env.folder.name}, which lacks what is needed here.')
+            return False
+        _await_maker(lock, env)
+    return True
+
+
+def _await_maker(lock: int, env: Environment) -> None:
+    """Share the lock of an environment, as soon as nobody installs into it."""
+    progress = None
+    while not _acquires(lock, fcntl.LOCK_SH):
+        if progress is None:
+            print(f'Waiting for {_users(env)}, which installs into {env.folder.name} ...')
+            progress = Progress(env)
+        progress.show()
+        pause(0.2)
+
+
+def _acquires(lock: int, kind: int) -> bool:
+    """Return whether a lock is free and was taken; what was held of it before is lost."""
+    with suppress(BlockingIOError):
+        fcntl.flock(lock, kind | fcntl.LOCK_NB)
+        return True
+    return False
+
+
+def _users(env: Environment) -> str:
+    """Return the other commands in an environment, such as `scripts/demo --view (process 7)`."""
+    users = []
+    for path in Path('/proc').glob('[0-9]*/fd/*'):
+        process = path.parent.parent
+        # Processes end meanwhile, and those of other users are closed.
+        with suppress(OSError):
+            if process.name != str(os.getpid()) and path.readlink() == env.folder:
+                _, _, command = (process / 'cmdline').read_text().partition('/main.py\0')
+                words = ''.join(c if c.isprintable() else ' ' for c in command)
+                users.append(f'scripts/{words.strip()} (process {process.name})')
+    return ', '.join(users) or 'another program'
+
+
+class Progress:
+    """Lines of progress, now and then: the time, and what pip does."""
+
+    def __init__(self, env: Environment) -> None:
+        self.env = env
+        self._log = env.folder / PIP_LOG
+        self._begin = time.monotonic()
+        self._shown_at = self._begin
+
+    def show(self) -> None:
+        """Print a line if one is due."""
+        now = time.monotonic()
+        if now - self._shown_at >= PROGRESS_PERIOD:
+            self._shown_at = now
+            step = last_lines(self._log) if self._log.exists() else ''
+            print(f'... {now - self._begin:.0f} s  {" ".join(step.split())[:70]}')
 
 
 def _numpy_of_sourced_ros() -> str:
@@ -130,23 +202,18 @@ def _numpy_of_sourced_ros() -> str:
     return ''
 
 
-def _acquire(lock: int, kind: int, env: Environment) -> None:
-    for attempt in count():
-        with suppress(BlockingIOError):
-            fcntl.flock(lock, kind | fcntl.LOCK_NB)
-            break
-        if attempt == 0:
-            print(f'Waiting for another command that uses {env.folder.name} ...')
-        pause(0.2)
-
-
-def _stamp_lines(env: Environment, command: str) -> tuple[str, str]:
-    """Return the stamp's lines of a complete environment: its inputs and its packages."""
+def _stamp_lines(env: Environment, command: str) -> tuple[str, str, str]:
+    """Return the stamp's lines of a complete environment: its Python, sources and packages."""
     extras, requirements = NEEDS[command]
     packages = requirements.read_text('utf-8') if requirements else ''
-    inputs = [env.constraints, env.numpy, extras, packages, source.digest()]
+    inputs = [env.constraints, env.numpy, extras, packages]
     installed = hashlib.sha256('\0'.join(inputs).encode()).hexdigest()
-    return f'{env.folder} {Path(sys.executable).resolve()}', f'{command} {installed}'
+    python_line = f'{env.folder} {Path(sys.executable).resolve()}'
+    return python_line, f'sources {source.digest()}', f'{command} {installed}'
+
+
+def _is_complete(env: Environment, command: str) -> bool:
+    return _installed(env).issuperset(_stamp_lines(env, command))
 
 
 def _installed(env: Environment) -> set[str]:
@@ -163,9 +230,9 @@ def _make_environment(env: Environment, command: str) -> None:
         f'Installing klann_ros and what scripts/{command} needs into {env.folder.name} '
         f'(Python {platform.python_version()}, {kind}) ...'
     )
-    folder_line, goal = _stamp_lines(env, command)
+    lines = _stamp_lines(env, command)
     installed = _installed(env)
-    is_made = folder_line in installed
+    is_made = lines[0] in installed
     # Without a stamp it is rebuilt from scratch, as after an interruption from here on.
     (env.folder / STAMP).unlink(missing_ok=True)
     try:
@@ -175,13 +242,19 @@ def _make_environment(env: Environment, command: str) -> None:
             # pip fetches and builds before it changes anything: the old environment still works.
             _write_stamp(env, installed)
         else:
-            # An incomplete environment would fail later. The folder itself is the lock.
-            for path in env.folder.iterdir():
-                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
+            # An incomplete environment would fail later.
+            _empty(env)
         raise
-    others = {line for line in installed if is_made and not line.startswith(command)}
-    _write_stamp(env, {*others, folder_line, goal})
+    # Of other sources the other commands' packages may not be sufficient.
+    others = installed if {*lines[:2]} <= installed else set()
+    _write_stamp(env, {*others, *lines})
     print(f'... done in {time.monotonic() - begin:.0f} s')
+
+
+def _empty(env: Environment) -> None:
+    """Remove what is in the folder of an environment; the folder itself is the lock."""
+    for path in env.folder.iterdir():
+        shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
 
 
 def _write_stamp(env: Environment, lines: set[str]) -> None:
@@ -189,14 +262,16 @@ def _write_stamp(env: Environment, lines: set[str]) -> None:
 
 
 def _install(env: Environment, command: str, is_made: bool) -> None:
+    progress = Progress(env)
     with tempfile.TemporaryDirectory(prefix='klann_ros-') as folder:
         work = Path(folder)
         # Python compiles modules at their first import.
-        pip = [env.python, '-m', 'pip', 'install', '--quiet', '--no-input', '--no-compile']
+        pip = [env.python, '-m', 'pip', 'install', '--progress-bar=off', '--no-input']
+        pip += ['--no-compile']
         if not is_made:
-            _make_venv(env, work)
+            _make_venv(progress, work)
             # Today's pip takes a quarter of the time of one that is two years old.
-            _run(env, work, [*pip, '--upgrade', 'pip', BUILD])
+            _run(progress, [*pip, '--upgrade', 'pip', BUILD])
         # The message types of a sourced ROS were compiled for its very NumPy.
         numpy = f'\nnumpy=={env.numpy}' if env.numpy else ''
         (work / 'constraints.txt').write_text(env.constraints + numpy, encoding='utf-8')
@@ -206,27 +281,58 @@ def _install(env: Environment, command: str, is_made: bool) -> None:
         if requirements:
             packages += ['--requirement', str(requirements)]
         options = ['--no-build-isolation', '--constraint', work / 'constraints.txt']
-        _run(env, work, [*pip, *options, *packages])
+        _run(progress, [*pip, *options, *packages])
 
 
-def _make_venv(env: Environment, work: Path) -> None:
+def _make_venv(progress: Progress, work: Path) -> None:
     """Make an empty environment with pip, also by a Python that brings none (Debian's)."""
     if find_spec('venv') is None:
         raise CommandError(f'{sys.executable} has no venv: apt install python3-venv')
+    # The processes of a set-up that was killed end a moment after it.
+    pause(0.5)
+    env = progress.env
+    _empty(env)
     options = ['--system-site-packages'] if env.numpy else []
-    options += [] if find_spec('ensurepip') else ['--without-pip']
-    _run(env, work, [sys.executable, '-m', 'venv', '--clear', *options, env.folder])
-    if '--without-pip' in options:
-        with urlopen(PIP, timeout=20) as answer:
-            content = answer.read()
-        if hashlib.sha256(content).hexdigest() != PIP_SHA256:
-            raise CommandError(f'{PIP} is not what it was: apt install python3-venv')
-        wheel = work / Path(PIP).name
-        wheel.write_bytes(content)
-        _run(env, work, [env.python, wheel / 'pip', 'install', '--no-index', wheel])
+    _run(progress, [sys.executable, '-m', 'venv', '--without-pip', *options, env.folder])
+    # As ensurepip does, but in a process that ends with this one.
+    wheel = _bundled_pip() or _fetch_pip(work)
+    _run(progress, [env.python, wheel / 'pip', 'install', '--no-index', wheel])
 
 
-def _run(env: Environment, work: Path, command: Command) -> None:
-    if run(command, env.variables, work / 'log') != 0:
-        lines = last_lines(work / 'log', 5)
-        raise PipError(f'set-up of {env.folder.name} failed; it needs {NEEDED}:\n{lines}')
+def _bundled_pip() -> Path | None:
+    """Return the wheel of pip that comes with this Python; None without one."""
+    folders = [sysconfig.get_config_var('WHEEL_PKG_DIR')]
+    spec = find_spec('ensurepip')
+    if spec is not None and spec.origin:
+        folders.append(str(Path(spec.origin).with_name('_bundled')))
+    for folder in filter(None, folders):
+        for wheel in Path(folder).glob('pip-*.whl'):
+            return wheel
+    return None
+
+
+def _fetch_pip(work: Path) -> Path:
+    with urlopen(PIP, timeout=20) as answer:
+        content = answer.read()
+    if hashlib.sha256(content).hexdigest() != PIP_SHA256:
+        raise CommandError(f'{PIP} is not what it was: apt install python3-venv')
+    wheel = work / Path(PIP).name
+    wheel.write_bytes(content)
+    return wheel
+
+
+def _run(progress: Progress, command: Command) -> None:
+    """Run a step of a set-up; a PipError has the reason in one line."""
+    env = progress.env
+    log = env.folder / PIP_LOG
+    if run(command, env.variables, log, on_pause=progress.show) == 0:
+        return
+    lines = log.read_text('utf-8', 'replace').splitlines()
+    errors = [line.removeprefix('ERROR: ') for line in lines if line.startswith('ERROR: ')]
+    reason = f'{errors[0] if errors else last_lines(log)}; it needs {NEEDED}'
+    if any('Retrying (' in line or 'timed out' in line for line in lines):
+        reason = (
+            'the package index does not answer. Check the network; pip takes a proxy in '
+            'PIP_PROXY, another index in PIP_INDEX_URL'
+        )
+    raise PipError(f'set-up of {env.folder.name} failed: {reason}')

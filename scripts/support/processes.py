@@ -1,7 +1,8 @@
 """Child processes, each with a group of its own, and the signals on which all of them end."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
+import ctypes
 import os
 from pathlib import Path
 import signal
@@ -17,6 +18,9 @@ Variables = Mapping[str, str]
 # Timeouts of a process to end after SIGINT, then after SIGTERM [s].
 GRACE = {signal.SIGINT: 8.0, signal.SIGTERM: 3.0}
 _received: list[int] = []
+_LIBC = ctypes.CDLL(None)
+# The option of prctl for the signal that a process gets when its parent ends.
+_PR_SET_PDEATHSIG = 1
 
 
 class CommandError(Exception):
@@ -56,7 +60,7 @@ def running(
     Run a process in the checkout, and end it with its group; it writes to a file or our output.
 
     A session of its own keeps the terminal's Ctrl-C away from it: this program decides the order
-    in which things end.
+    in which things end. If this program is killed (kill -9), the process gets SIGTERM.
     """
     with output.open('wb') if output else nullcontext() as file:
         process = subprocess.Popen(
@@ -67,6 +71,7 @@ def running(
             env=variables,
             cwd=ROOT,
             start_new_session=True,
+            preexec_fn=_end_with_parent,  # noqa: PLW1509 - it calls one function of libc
         )
     try:
         yield process
@@ -74,14 +79,23 @@ def running(
         end(process)
 
 
+def _end_with_parent() -> None:
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
 def run(
-    command: Command, variables: Variables, output: Path | None = None, timeout: float = 3600.0
+    command: Command,
+    variables: Variables,
+    output: Path | None = None,
+    timeout: float = 3600.0,
+    on_pause: Callable[[], object] = int,
 ) -> int | None:
     """Run a process to its end; return its exit code, or None after `timeout` [s]."""
     with running(command, variables, output) as process:
         deadline = time.monotonic() + timeout
         while process.poll() is None and time.monotonic() < deadline:
             pause()
+            on_pause()
         return process.returncode
 
 

@@ -1,5 +1,6 @@
 """scripts/test and scripts/demo: errors in one line, children ended, sources seen to change."""
 
+from collections.abc import Iterator
 from contextlib import ExitStack
 import os
 from pathlib import Path
@@ -138,6 +139,96 @@ def test_a_set_up_that_fails_leaves_no_broken_environment(tmp_path: Path, was_ma
         assert {*(folder / STAMP).read_text().splitlines()} == {*stamp.splitlines()}
     else:
         assert [*folder.iterdir()] == []
+
+
+USES_AN_ENVIRONMENT = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {support!r})
+import environment, processes, source
+
+def install(env, command, is_made):
+    print('installing', flush=True)
+    env.python.parent.mkdir(exist_ok=True)
+    while not Path('fetched').exists():
+        processes.pause()
+    env.python.exists() or env.python.symlink_to(sys.executable)
+
+environment._install = install  # without a network
+source.ROOT = Path.cwd()
+with environment.environment(sys.argv[1]) as env:
+    print('uses', env.folder.name, flush=True)
+    processes.pause(1000)
+"""
+
+
+class EnvironmentUsers:
+    """Commands in an empty checkout, whose downloads end when `fetched` exists."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.resolve()
+        support = str(ROOT / 'scripts' / 'support')
+        (folder / 'main.py').write_text(USES_AN_ENVIRONMENT.format(support=support))
+        self.processes: list[subprocess.Popen[str]] = []
+
+    def start(self, command: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [sys.executable, '-u', self.folder / 'main.py', command],
+            cwd=self.folder,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self.processes.append(process)
+        return process
+
+    def fetch(self) -> None:
+        (self.folder / 'fetched').touch()
+
+
+@pytest.fixture
+def users(tmp_path: Path) -> Iterator[EnvironmentUsers]:
+    made = EnvironmentUsers(tmp_path)
+    yield made
+    for process in made.processes:
+        process.kill()
+        process.communicate()
+
+
+def line_with(process: subprocess.Popen[str], text: str) -> str:
+    """Return the next line of a process with a text; '' at its end."""
+    assert process.stdout is not None
+    return next((line for line in process.stdout if text in line), '')
+
+
+@pytest.mark.parametrize('is_killed', [False, True])
+def test_of_two_set_ups_at_once_the_second_waits_says_for_whom_and_goes_on(
+    users: EnvironmentUsers, is_killed: bool
+) -> None:
+    first = users.start('demo')
+    assert line_with(first, 'installing')
+    second = users.start('demo')
+    assert f'scripts/demo (process {first.pid})' in line_with(second, 'Waiting for')
+    if is_killed:
+        first.kill()
+        assert line_with(second, 'installing')
+    users.fetch()
+    assert line_with(second, 'uses') == f'uses .venv-{VERSION}\n'
+
+
+def test_an_environment_in_use_stays_as_it_is_and_another_command_gets_a_spare_one(
+    users: EnvironmentUsers,
+) -> None:
+    users.fetch()
+    running = users.start('demo')
+    assert line_with(running, 'uses')
+    stamp = users.folder / f'.venv-{VERSION}' / STAMP
+    before = stamp.read_text()
+    other = users.start('test')
+    assert f'scripts/demo (process {running.pid})' in line_with(other, 'runs in')
+    assert line_with(other, 'uses') == f'uses .venv-{VERSION}-2\n'
+    assert stamp.read_text() == before
+    # What is complete is shared.
+    assert line_with(users.start('demo'), 'uses') == f'uses .venv-{VERSION}\n'
 
 
 def test_changes_of_shipped_files_are_detected(tmp_path: Path) -> None:
