@@ -49,7 +49,6 @@ EXTRAS['test'] = [
     'pymoo',
     'pyserial',
     'pytest>=7.4',
-    'pytest-xdist',
     'ray',
     'rosbags',
     'scipy',

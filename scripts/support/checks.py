@@ -12,17 +12,16 @@ from environment import Environment, environment
 from processes import Command, last_lines, run
 from source import ROOT
 
-NAMES = ('colcon', 'collection', 'mypy', 'docs', 'ruff', 'format', 'pytest')
+NAMES = ('colcon', 'mypy', 'docs', 'ruff', 'format', 'pytest')
 # Run where they are asked for: ROS's linters take 40 s, and ruff with test/style refuses the same
 # in one; pyodide fetches 90 MB; mypy for other systems finds names that they lack.
 PLATFORMS = {'mypy_windows': 'win32', 'mypy_macos': 'darwin'}
 EXTRA = ('ament_flake8', 'ament_pep257', 'pyodide', *PLATFORMS)
 FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
-# Computing tests run beside tests that wait for processes; see test/conftest.py. Each worker costs
-# ten seconds of CPU: it collects the tests, imports ROS, and opens a browser.
-WORKERS = ('-n', '5')
-# What the tests need: an installation, and their compiled files.
-FIRST = ('colcon', 'collection')
+# Computing tests run beside tests that wait for processes; see test/conftest.py.
+WORKERS = ('--workers', '5')
+# A test waits for its installation, which is complete when the tests are collected.
+FIRST = 'colcon'
 # The others run beside the tests and take only what these leave of a core.
 IN_BACKGROUND = ('nice', '-n', '19')
 # A hanging check is ended, so that CI shows its output.
@@ -54,21 +53,17 @@ def main(arguments: list[str]) -> int:
             failed.append('browser')
         commands = _commands(env, work, pytest_arguments)
         requested = [name for name in commands if name in names and name != 'pytest']
-        first = [name for name in requested if name in FIRST]
-        beside = [name for name in requested if name not in FIRST]
 
-        def passes(name: str, prefix: Command = ()) -> bool:
+        def passes(name: str) -> bool:
+            prefix = () if name in (FIRST, 'pytest', 'alone') else IN_BACKGROUND
             return _passes(name, [*prefix, *commands[name]], variables, work)
 
-        def passes_in_background(name: str) -> bool:
-            return passes(name, IN_BACKGROUND)
-
+        verdicts = {}
         with ThreadPoolExecutor(2) as pool:
-            verdicts = dict(zip(first, pool.map(passes, first), strict=True))
-            background = pool.map(passes_in_background, beside)
+            beside = pool.map(passes, requested)
             if 'pytest' in names:
                 verdicts['pytest'] = passes('pytest') or (_is_rare(work) and passes('alone'))
-            verdicts |= zip(beside, background, strict=True)
+            verdicts |= zip(requested, beside, strict=True)
         failed += [name for name, is_passed in verdicts.items() if not is_passed]
         if 'pytest' in names:
             # The number of passed tests and the time.
@@ -107,8 +102,6 @@ def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict
         'ament_pep257': [env.python, '-m', 'ament_pep257.main', *FILES],
         # The longest first: two run side by side.
         'colcon': colcon,
-        # It compiles the tests once for all workers.
-        'collection': [*env.tool('pytest'), '--collect-only', '--quiet'],
         'mypy': env.tool('mypy'),
         'docs': [env.python, 'docs/build.py', work / 'docs'],
         'ruff': [*ruff, 'check', '--quiet', '--output-format=concise', *FILES],
