@@ -12,12 +12,20 @@ from klann_ros.export.command import main
 from klann_ros.export.parts import prisms
 from klann_ros.export.plates import Plate
 from klann_ros.export.weights import Material, weighed_file
-from klann_ros.kinematics import FIXED, Linkage, schema_error, SHIPPED
+from klann_ros.kinematics import (
+    FIXED,
+    Linkage,
+    LinkageLeg,
+    schema_error,
+    SHIPPED,
+    shipped_linkage,
+)
 from klann_ros.robot import Robot, robot_from_file, robot_of, RobotLeg
 from klann_ros.sanitize.units import UnitWarning
 from klann_ros.sanitize.yaml_text import parse
 import mujoco
 import numpy as np
+from point_files import point_file
 import pytest
 from shapely import LineString, Point, Polygon, unary_union
 
@@ -339,3 +347,20 @@ def test_a_size_in_the_wrong_unit_is_warned_of() -> None:
     leg = replace(robot_of('klann').legs[0], description=f'{text}\nparts: {{thickness: 3}}\n')
     with pytest.warns(UnitWarning, match=r'parts.thickness = 3 is read as 3 m'):
         part_settings([leg], {}, 1.0)
+
+
+def test_a_file_by_points_is_weighed_by_points(tmp_path: Path) -> None:
+    by_points = tmp_path / 'points.yaml'
+    pose = LinkageLeg(shipped_linkage('four_bar')).solve(1.0)
+    by_points.write_text(point_file(pose))
+    out = tmp_path / 'weighed.yaml'
+    assert main([str(by_points), '--weighed', str(out), *OPTIONS]) == 0
+    assert parse(out.read_text())['points'] == parse(by_points.read_text())['points']
+    (leg,) = robot_from_file(out).legs
+    expected_file = tmp_path / 'expected.yaml'
+    assert main(['four_bar', '--weighed', str(expected_file), *OPTIONS]) == 0
+    (expected,) = robot_from_file(expected_file).legs
+    assert leg.masses is not None
+    assert expected.masses is not None
+    for body, expected_body in zip(leg.masses.bodies, expected.masses.bodies, strict=True):
+        assert body == pytest.approx(expected_body, rel=1e-6)

@@ -21,6 +21,7 @@ from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse, YamlError
 from .assemblies import describe_assemblies, distance_to_assembly, MAX_NAMED, possible_assemblies
 from .change_points import PARALLEL
 from .linkage import Linkage
+from .points import by_bars
 from .reach import closes_somewhere
 from .structure import Bar, Body, Brace, Structure
 
@@ -135,8 +136,14 @@ def linkage_from_text(text: str, name: str) -> Linkage:
 
 
 def content_with_numbers(text: str, linkage: Linkage) -> Any:
-    """Return the content of a linkage's file with other numbers, in its own units."""
-    content = parse(text)
+    """Return the content of a linkage's file, by bars, with other numbers, in its own units."""
+    original = parse(text)
+    content = by_bars(original)
+    if content is not original and 'assembly' in content:
+        # The pose of the points may be a dead point.
+        del content['start' if linkage.is_dyadic else 'assembly']
+        if linkage.is_dyadic:
+            content['assembly'] = [*linkage.assembly_at(0.0)]
     units = content.get('units', {})
     metre = LENGTH_UNITS[units.get('length', 'm')]
     radian = radians(1.0) if units.get('angle', 'rad') == 'deg' else 1.0
@@ -162,6 +169,8 @@ def _linkage(content: Any) -> Linkage:
     problem = schema_error(content)
     if problem:
         raise GeometryError(problem)
+    has_points = 'points' in content
+    content = by_bars(content)
     units = content.get('units', {})
     metre = LENGTH_UNITS[units.get('length', 'm')]
     turn = radians if units.get('angle', 'rad') == 'deg' else float
@@ -208,6 +217,8 @@ def _linkage(content: Any) -> Linkage:
     for body in structure.bodies:
         coordinate = start[body.angle]
         start_guess.append(metre * coordinate if body.slides else turn(coordinate))
+    if has_points:
+        return _linkage_from_pose(linkage, start_guess, signs)
     return _linkage_from_start(linkage, start_guess, signs, in_degrees=turn is radians)
 
 
@@ -256,6 +267,8 @@ def _check_bends(content: Mapping[str, Any], turn: Callable[[float], float]) -> 
 
 # Reading error of a start from a drawing [rad].
 MAX_START_ERROR = radians(30.0)
+# Maximum sine of a dyad in line, by coordinates that are rounded.
+MIN_POSE_SINE = 1e-4
 DEGREES_HINT = 'for degrees write units: {angle: deg}'
 
 
@@ -311,6 +324,37 @@ def _body_bars(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the bars of a body in a file, the line that it slides along being the first."""
     line = [body['slides']] if 'slides' in body else []
     return [*line, *body.get('bars', ())]
+
+
+def _linkage_from_pose(
+    plain: Linkage, start: Sequence[float], signs: Sequence[int] | None
+) -> Linkage:
+    """
+    Return a linkage, which is in any assembly, in the one of its points, by their coordinates.
+
+    Where a dyad is in line, `signs` are decisive. A GeometryError says that they are missing, or
+    that the points are in another assembly.
+    """
+    u = plain.vectors(start[0], start[1:])
+    sines = [float(block.sine(u)) for block in plain.blocks]
+    singular = [abs(sine) <= MIN_POSE_SINE for sine in sines]
+    if not any(singular):
+        return _linkage_from_start(plain, start, signs, in_degrees=True)
+    group = plain.structure.groups[singular.index(True)]
+    names = ' and '.join(plain.structure.angles[j] for j in group)
+    reason = f'the points are at a dead point of {names}, from which two motions go on'
+    if not plain.is_dyadic:
+        raise GeometryError(f'{reason}: give the points of another pose')
+    stated = [*(signs or ())]
+    modes = []
+    for mode in possible_assemblies(plain):
+        pairs = zip(mode, sines, singular, strict=True)
+        if all(is_singular or sign * sine > 0.0 for sign, sine, is_singular in pairs):
+            modes.append([*mode])
+    if stated not in modes:
+        possible = ' or '.join(map(str, modes[:MAX_NAMED]))
+        raise GeometryError(f'{reason}: state one of them by assembly: {possible}')
+    return plain.in_assembly(stated, start[0])
 
 
 def _linkage_from_start(
@@ -461,9 +505,10 @@ def _type(error: Any, instance: str) -> str:
 
 def _count(error: Any, instance: str) -> str:
     limits = error.schema
-    if limits.get('minItems') == limits.get('maxItems'):
+    if 'minItems' in limits and limits['minItems'] == limits.get('maxItems'):
         return f'{instance} must be [x, y]'
-    return f'there must be {limits.get("minItems", limits.get("minProperties"))} or more'
+    limit = error.validator_value
+    return f'there must be {limit} or {"more" if error.validator.startswith("min") else "fewer"}'
 
 
 # Texts by the rule of the schema: of an error, and of the shortened instance.
@@ -475,11 +520,10 @@ _SCHEMA_ERRORS: dict[str, Callable[[Any, str], str]] = {
     'minimum': lambda error, text: f'{text} must be >= {error.validator_value:g}',
     'maximum': lambda error, text: f'{text} must be <= {error.validator_value:g}',
     'enum': lambda e, text: f'{text} must be one of {", ".join(map(str, e.validator_value))}',
-    'not': lambda *_: 'bend and brace exclude each other',
-    'anyOf': lambda *_: (
-        'start is missing: an angle for every body, or in its place assembly: a sign for each dyad'
-    ),
-    **dict.fromkeys(('minItems', 'maxItems', 'minProperties'), _count),
+    # Rules that several keys break together: the schema has their texts.
+    **dict.fromkeys(('not', 'anyOf'), lambda error, _: error.schema['errorMessage']),
+    'uniqueItems': lambda *_: 'a name is there twice',
+    **dict.fromkeys(('minItems', 'maxItems', 'minProperties', 'maxProperties'), _count),
     **dict.fromkeys(
         ('pattern', 'minLength', 'maxLength'),
         lambda _, text: f'{text} is no name: letters, digits and _, a letter first',

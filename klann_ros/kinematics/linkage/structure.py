@@ -469,9 +469,10 @@ def _check_body(body: Body) -> None:
         _require(line.start != line.end, f'{text} has only one point')
     for bar in body.rigid:
         text = f'bar {bar.start}-{bar.end} of body {body.angle}'
-        it_has = f'it has {", ".join(points)}{did_you_mean(bar.start, points)}'
-        missing = f'{text} starts from a point that the body does not have yet: {it_has}'
-        _require(bar.start in points, missing)
+        if bar.start not in points:
+            it_has = f'it has {", ".join(points)}{did_you_mean(bar.start, points)}'
+            msg = f'{text} starts from a point that the body does not have yet: {it_has}'
+            raise GeometryError(msg)
         _require(bar.end not in points, f'{text} ends at a point that the body has already')
         if bar.brace is not None:
             hint = did_you_mean(bar.brace.start, points)
