@@ -104,12 +104,11 @@ def verdict(calibration: Calibration) -> str:
     count = len(calibration.model.names)
     if not observed.combinations:
         quality = 'good' if observed.condition < GOOD_CONDITION else 'fair: the errors say how far'
-        all_of = f'{count} of {count} parameters'
-        return f'Observable: {all_of}, condition {observed.condition:.0f} ({quality}).'
+        return f'All {count} parameters can be told apart in these measurements ({quality}).'
     fixed = ' The prior fixes the rest.' if calibration.prior else ''
     return (
-        f'Observable: {observed.rank} of {count} combinations of parameters; '
-        f'{counted(len(observed.combinations), "combination")} cannot be distinguished.{fixed}'
+        f'{observed.rank} of {count} combinations of parameters can be told apart in these '
+        f'measurements; {counted(len(observed.combinations), "combination")} cannot.{fixed}'
     )
 
 
@@ -123,7 +122,7 @@ def suggestion_lines(calibration: Calibration, further: Sequence[Suggestion]) ->
     """Yield the further measurements that help."""
     resolves = 'resolves all, ' * bool(calibration.observability.combinations)
     for name, condition in further[:3]:
-        yield f'  with {printable(name)}: {resolves}condition {condition:.0f}'
+        yield f'  with {printable(name)}: {resolves}condition {condition:.0f} (below 100 is good)'
 
 
 def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str, Any]:

@@ -111,7 +111,7 @@ def data_sheet(
     sheets = [_leg_sheet(options, legs) for legs in alike.values()]
     missing = _missing_masses(robot)
     if motor is not None and missing and not load:
-        raise SheetError(f'{missing}; a motor is judged by masses, or by --load')
+        raise SheetError(f'{missing}; a motor is checked by masses, or by --load')
     sheets_by_name: dict[str, LegSheet] = {}
     for sheet in sheets:
         sheets_by_name |= dict.fromkeys(sheet.names, sheet)

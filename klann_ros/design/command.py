@@ -85,10 +85,7 @@ def _line(requirements: Requirements, progress: Progress) -> str:
         for name, figure in progress.best.items()
     ]
     state = ', '.join(best) or 'no leg holds the limits yet'
-    return (
-        f'{progress.evaluations} candidates, {progress.seconds:.0f} s: '
-        f'{state}; hypervolume {progress.hypervolume:.3f}'
-    )
+    return f'{progress.evaluations} candidates, {progress.seconds:.0f} s: {state}'
 
 
 def _parser() -> ArgumentParser:
@@ -100,7 +97,7 @@ def _parser() -> ArgumentParser:
     seed = number_type(lambda n: 0 <= n < 2**53, 'a whole number, 0 or more', int)
     add('--seed', metavar='N', type=seed, default=0, help='of the search, 0')
     add('--time', metavar='S', type=SECONDS, help='end the search after this time [s]')
-    count = f'candidates that are judged at most, {DEFAULT_EVALUATIONS}'
+    count = f'candidates tried at most, {DEFAULT_EVALUATIONS}'
     add('--evaluations', metavar='N', type=COUNT, default=DEFAULT_EVALUATIONS, help=count)
     add('--jobs', metavar='N', type=COUNT, help='processes (default: the CPUs)')
     engines = 'processes of this machine, or a Ray cluster'

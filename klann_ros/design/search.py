@@ -148,7 +148,6 @@ class Progress:
 
     evaluations: int
     seconds: float
-    hypervolume: float
     best: dict[str, float]
 
 
@@ -379,7 +378,7 @@ def _progress(
         finite = finite[np.isfinite(finite)]
         if len(finite):
             best[aim.figure] = float(finite[aim.loss(finite).argmin()])
-    return Progress(state.evaluations, seconds, state.hypervolumes[-1], best)
+    return Progress(state.evaluations, seconds, best)
 
 
 def _proven_legs(

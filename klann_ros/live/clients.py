@@ -54,11 +54,16 @@ _MEANINGS: Sequence[tuple[str, str]] = (
     (r'messages? (was|were) lost', 'Messages were lost on their way to the recorder.'),
     (r'^solving$', 'The leg is solved.'),
     (r'^recording$', 'The run is being recorded.'),
+    (
+        r'^waiting for a trigger$',
+        'The recorder keeps the last seconds if it finds a fault or you press Keep this moment.',
+    ),
+    (r'^recording an event$', 'The recorder writes the last seconds and what comes now.'),
     (r'^paused$', 'The recording is paused.'),
 )
 _COMPILED = tuple((re.compile(pattern), meaning) for pattern, meaning in _MEANINGS)
 # Values that the page shows.
-_SHOWN_VALUES = ('solved', 'rejected', 'failed', 'lost', 'rate', 'iterations', 'residual', 'file')
+_SHOWN_VALUES = ('solved', 'rejected', 'failed', 'lost', 'rate', 'file')
 
 
 class PageState:

@@ -106,7 +106,7 @@ def _verdict(run: ListedRun, is_judged: bool, row: Row | None) -> Markup:
     if row is not None:
         return verdict_chip(row)
     if is_judged:
-        text = 'not judged'
+        text = 'not checked'
     elif run.is_changing:
         text = 'changing'
     else:

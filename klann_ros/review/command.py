@@ -113,7 +113,11 @@ def _review(options: argparse.Namespace) -> int:
         reviews.append(review)
     comparison = compare(*reviews) if len(reviews) == 2 else None
     colour = _wants_colour()
-    print('\n\n'.join(text.report(review, colour=colour) for review in reviews))
+    print(
+        '\n\n'.join(
+            text.report(review, colour=colour, details=options.details) for review in reviews
+        )
+    )
     if comparison is not None:
         print(f'\n{text.differences(comparison, colour=colour)}')
     if options.annotate:
@@ -162,6 +166,8 @@ def _parser() -> ArgumentParser:
     add('log2', metavar='LOG2', nargs='?', type=path, help='another run to compare it with')
     following = 'LOG is being recorded, or will be: print findings immediately, then review it'
     add('--follow', action='store_true', help=following)
+    exact = 'also print how exact the poses are: residuals, errors, 99 % of the delays'
+    add('--details', action='store_true', help=exact)
     add('--json', metavar='FILE', help='the report for machines')
     add('--html', metavar='FILE', help='the page: the leg animated, and charts')
     add('--open', action='store_true', help='open the page in a browser')

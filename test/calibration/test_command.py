@@ -77,7 +77,7 @@ def test_every_program_takes_the_leg_file(leg_run: Path, tmp_path: Path, capsys:
     ]
     assert main([*asked, '-o', str(built), '--html', str(page), '--json', str(numbers)]) == 0
     printed = capsys.readouterr().out
-    assert 'Observable: 14 of 14 parameters' in printed
+    assert 'All 14 parameters can be told apart' in printed
     assert max(map(len, printed.splitlines())) <= 110
     content = json.loads(numbers.read_text())
     true = ROBOT.linkage.dimensions

@@ -166,7 +166,7 @@ def test_a_run_without_a_row_is_not_judged_again_and_again(tmp_path: Path) -> No
         while not (rows := reviews.judged_rows(runs)):
             await asyncio.sleep(0.01)
         assert rows == {'old.mcap': None}
-        assert '>not judged<' in list_page(runs, rows, 'token')
+        assert '>not checked<' in list_page(runs, rows, 'token')
 
     with_reviews(tmp_path, look, '/nowhere/review')
 
@@ -191,7 +191,7 @@ def test_a_run_with_measured_points_is_calibrated(tmp_path: Path) -> None:
         await page.done.wait()
         assert page.failure == ''
         text = page.file.read_text()
-        assert 'Observable: 14 of 14 parameters' in text
+        assert 'All 14 parameters can be told apart' in text
         # The leg file, to be copied.
         assert 'ros__parameters:' in text
 

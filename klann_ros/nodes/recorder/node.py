@@ -252,8 +252,8 @@ def _open_events(values: dict[str, Any], logger: RcutilsLogger) -> EventSession:
     )
     capacity = QUEUE_CAPACITY + settings.max_bytes
     logger.info(
-        f'waiting for a trigger to record to {printable(folder)}: '
-        f'{settings.pre_trigger:g} s before it, and {settings.post_trigger:g} s after'
+        f'waiting: a finding or a call of ~/trigger writes the {settings.pre_trigger:g} s before '
+        f'it and {settings.post_trigger:g} s after it to {printable(folder)}'
     )
     return EventSession(
         folder,

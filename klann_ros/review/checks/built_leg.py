@@ -179,7 +179,7 @@ _MIN_SIMILARITY = 0.95
 
 
 def check_torques(review: Review) -> Iterator[Finding]:
-    """Yield efforts that differ from the computed torque, cannot be judged or are not finite."""
+    """Yield efforts that differ from the computed torque, cannot be checked or are not finite."""
     legs = review.recording.legs
     for drive in review.recording.drives:
         torques = drive_torques(drive, legs)
@@ -192,7 +192,7 @@ def check_torques(review: Review) -> Iterator[Finding]:
             text = f'{counts} efforts of {name} are not finite'
             yield Finding('effort', Severity.NOTE, text, 'they are ignored', leg=title)
         if any(legs[index].solver.dynamics is None for index in drive.legs):
-            text = f'the efforts of {name} cannot be judged: the masses are unknown'
+            text = f'the efforts of {name} cannot be checked: the masses are unknown'
             advice = 'give a file with bar_density or masses: --geometry FILE'
             yield Finding('effort', Severity.NOTE, text, advice, leg=title)
         elif len(torques.times):

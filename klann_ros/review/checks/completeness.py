@@ -43,10 +43,10 @@ def check_container(review: Review) -> Iterator[Finding]:
         unlisted_count = len(recording.problems) - _MAX_PROBLEMS
         if unlisted_count > 0:
             problems += f'; and {unlisted_count} more'
-        meaning = 'only the readable part is judged; `recover` restores a complete run'
+        meaning = 'only the readable part is checked; `recover` restores a complete run'
         fault = 'the log is damaged'
         if recording.is_refused_only:
-            meaning = 'the rest is judged; a machine with more memory can read all of it'
+            meaning = 'the rest is checked; a machine with more memory can read all of it'
             fault = 'part of the log is refused'
         yield Finding('container', Severity.ERROR, f'{fault}: {problems}', meaning)
     if recording.stopped:
@@ -67,14 +67,16 @@ def check_container(review: Review) -> Iterator[Finding]:
 
 
 def check_recorder_findings(review: Review) -> Iterator[Finding]:
-    """Yield the findings of the recorder, whose run is judged again as a whole."""
+    """Yield the findings of the recorder, whose run is checked again as a whole."""
     recorded = review.recording.recorder_findings
     for finding in recorded[:_MAX_RECORDER_FINDINGS]:
         source = printable(finding.check)
         if finding.leg:
             source += f' of {printable(finding.leg)}'
         text = f'the recorder reported: {printable_line(finding.text)} ({source})'
-        meaning = 'it was on /diagnostics during the recording; the whole run is judged separately'
+        meaning = (
+            'it was on /diagnostics during the recording; the whole run is checked separately'
+        )
         time = review.since_start(finding.time)
         yield Finding('recorder_finding', Severity.NOTE, text, meaning, time)
     unlisted_count = len(recorded) - _MAX_RECORDER_FINDINGS
@@ -90,11 +92,11 @@ def _poses(review: Review) -> Iterator[Finding]:
     kind = _kind_without_poses(review)
     if kind and not has_poses:
         text = f'there is no pose in the run: {kind}'
-        meaning = 'no solver answered, and none is expected; the rest is judged'
+        meaning = 'no solver answered, and none is expected; the rest is checked'
         yield Finding('poses', Severity.NOTE, text, meaning)
     elif not has_poses:
         text = 'there is no pose in the run (no joint_states of a leg)'
-        meaning = f'nothing can be judged: {_missing_poses(review)}'
+        meaning = f'nothing can be checked: {_missing_poses(review)}'
         yield Finding('poses', Severity.ERROR, text, meaning)
     for leg in review.legs:
         title = leg.recording.title
@@ -105,7 +107,7 @@ def _poses(review: Review) -> Iterator[Finding]:
         elif has_poses and leg.recording.solver.leg is None:
             text = 'the run does not contain the geometry'
             legs = ', '.join(preset_names())
-            meaning = f'no pose can be judged; give the leg by --geometry FILE, or one of {legs}'
+            meaning = f'no pose can be checked; give the leg by --geometry FILE, or one of {legs}'
             yield Finding('geometry', Severity.WARNING, text, meaning, leg=title)
 
 

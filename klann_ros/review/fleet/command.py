@@ -249,5 +249,5 @@ def _parser() -> ArgumentParser:
         default=3600.0,
         help='a run that takes longer is given up [s] (3600)',
     )
-    add('--resume', action='store_true', help='go on: what --table has is not judged again')
+    add('--resume', action='store_true', help='go on: what --table has is not reviewed again')
     return parser

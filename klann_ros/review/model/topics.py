@@ -28,9 +28,8 @@ _STREAMS = (
     'std_msgs/msg/Float64',
 )
 
-LOWER_BOUND_MARK = '+'
-"""Marks a lower bound of lost messages."""
-LOWER_BOUND_REASON = 'publishers left: losses at the end of their life cannot be detected'
+DELAY_MEANING = 'delay: from publishing to recording, the median'
+LOWER_BOUND_MEANING = 'at least: what a publisher lost just before it ended is not known'
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +95,16 @@ class TopicFigures:
     publishers_left: int  #: publishers that left; with any, `lost` is a lower bound
 
     @property
+    def has_unknown_losses(self) -> bool:
+        """Return whether more messages may be lost than `lost`."""
+        return self.lost is not None and self.publishers_left > 0
+
+    @property
     def lost_in_words(self) -> str:
-        """Return the lost messages, with '+' for a lower bound; '?' for unknown."""
+        """Return the number of lost messages, which may be a lower bound or unknown."""
         if self.lost is None:
-            return '?'
-        return f'{self.lost}{LOWER_BOUND_MARK}' if self.publishers_left else str(self.lost)
+            return 'unknown'
+        return f'at least {self.lost}' if self.has_unknown_losses else str(self.lost)
 
 
 def _figures(topic: TopicRecording) -> TopicFigures:

@@ -10,7 +10,7 @@ from typing import BinaryIO, NamedTuple
 from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.poses import LegFigures
 from klann_ros.review.model.review import Finding, located, Review, Severity
-from klann_ros.review.model.topics import LOWER_BOUND_MARK, LOWER_BOUND_REASON, TopicFigures
+from klann_ros.review.model.topics import DELAY_MEANING, LOWER_BOUND_MEANING, TopicFigures
 from klann_ros.sanitize.text import counted, finite, printable
 from klann_ros.web import (
     element,
@@ -85,8 +85,7 @@ _TOPIC_HEADS = (
     'Messages',
     'Rate / Hz',
     'Longest gap / ms',
-    'Latency p50 / ms',
-    'p99 / ms',
+    'Delay / ms',
     'Lost',
 )
 # A mark beside the colour: some see none.
@@ -180,9 +179,10 @@ def _finding(finding: Finding) -> Markup:
 
 
 def _legend(topics_: Sequence[TopicFigures]) -> Markup:
-    if not any(topic.lost_in_words.endswith(LOWER_BOUND_MARK) for topic in topics_):
-        return Markup()
-    return element('p', f'{LOWER_BOUND_MARK}: {LOWER_BOUND_REASON}.', class_='quiet')
+    meanings = [DELAY_MEANING]
+    if any(topic.has_unknown_losses for topic in topics_):
+        meanings.append(LOWER_BOUND_MEANING)
+    return element('p', f'{"; ".join(meanings)}.', class_='quiet')
 
 
 def _topic(topic: TopicFigures) -> Sequence[str]:
@@ -192,8 +192,7 @@ def _topic(topic: TopicFigures) -> Sequence[str]:
         number(topic.rate, '.1f'),
         number(1e3 * topic.longest_gap, '.1f'),
         number(1e3 * topic.latency_p50, '.2f'),
-        number(1e3 * topic.latency_p99, '.2f'),
-        'unknown' if topic.lost is None else topic.lost_in_words,
+        topic.lost_in_words,
     )
 
 
@@ -253,9 +252,8 @@ def _figures(figures: LegFigures) -> Iterator[_Figure]:
         ('Turns', figures.turns, '.3f', 'of the crank'),
         ('Stride', 1e3 * figures.stride, '.1f', 'mm'),
         ('Lift', 1e3 * figures.lift, '.1f', 'mm'),
-        ('Duty', figures.duty_factor, '.1%', 'on the ground'),
-        ('Straightness', figures.straightness, '.2%', 'off, of the stance'),
-        ('Transmission', degrees(figures.worst_transmission_angle), '.1f', 'deg from in line'),
-        ('Residual', 1e3 * figures.worst_residual, '.1e', 'mm, worst'),
+        ('Foot on the ground', figures.duty_factor, '.1%', 'of a turn'),
+        ('Stance off a line', figures.straightness, '.2%', 'of its length'),
+        ('Links from in line', degrees(figures.worst_transmission_angle), '.1f', 'deg at least'),
     ):
         yield _Figure(name, number(figure, form), unit)

@@ -5,7 +5,7 @@ from math import degrees, isnan
 
 from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.review import Finding, located, Review, ReviewedLeg, Severity
-from klann_ros.review.model.topics import LOWER_BOUND_MARK, LOWER_BOUND_REASON, TopicFigures
+from klann_ros.review.model.topics import DELAY_MEANING, LOWER_BOUND_MEANING, TopicFigures
 from klann_ros.review.model.walks import WalkFigures
 from klann_ros.sanitize.text import counted, decimal, printable, printable_line
 
@@ -25,17 +25,19 @@ _FAINT = '2'
 _DIFFERENT = '1;33'
 
 
-def report(review: Review, *, colour: bool = False) -> str:
-    """Return the report of a run."""
+def report(review: Review, *, colour: bool = False, details: bool = False) -> str:
+    """Return the report of a run; `details` are for those who know the method."""
     paint: _Paint = _painted if colour else lambda text, _: text
     recording = review.recording
     size = sum(size for _, size in recording.files) / 1e6
     files = counted(len(recording.files), 'file')
     path = printable(recording.path)
     lines = [paint(f'{path}: {recording.duration:.2f} s, {files}, {size:.1f} MB', _HEAD), '']
-    lines += _topics(review.topics, paint)
+    lines += _topics(review.topics, paint, details=details)
     for leg in review.legs:
         lines += _leg(leg, paint)
+        if details:
+            lines += _accuracy(leg)
     for walk in review.walks:
         lines += _walk(walk, paint)
     lines += ['', *_findings(review, paint)]
@@ -54,20 +56,24 @@ def differences(comparison: Comparison, *, colour: bool = False) -> str:
     return '\n'.join((*lines, *map(printable_line, comparison.remarks)))
 
 
-def _topics(topics: Sequence[TopicFigures], paint: _Paint) -> Iterator[str]:
+def _topics(topics: Sequence[TopicFigures], paint: _Paint, *, details: bool) -> Iterator[str]:
     names = [printable(topic.name) for topic in topics]
     width = min(max(map(len, names), default=5), _WIDEST)
-    head = 'messages   rate/Hz  longest gap/ms  latency p50/ms   p99/ms  lost'
-    yield paint(f'{"topic":<{width}}  {head}', _FAINT)
+    head = f'{"topic":<{width}}  messages   rate/Hz  longest gap/ms  delay/ms'
+    if details:
+        head += '  99 %/ms'
+    yield paint(f'{head}  lost', _FAINT)
     for name, topic in zip(names, topics, strict=True):
-        yield (
+        row = (
             f'{name:<{width}}  {topic.count:>8}  {_number(topic.rate, 8, 1)}  '
-            f'{_number(topic.longest_gap * 1e3, 14, 1)}  '
-            f'{_number(topic.latency_p50 * 1e3, 14, 2)}  '
-            f'{_number(topic.latency_p99 * 1e3, 7, 2)}  {topic.lost_in_words:>4}'
+            f'{_number(topic.longest_gap * 1e3, 14, 1)}  {_number(topic.latency_p50 * 1e3, 8, 2)}'
         )
-    if any(topic.lost_in_words.endswith(LOWER_BOUND_MARK) for topic in topics):
-        yield paint(f'{LOWER_BOUND_MARK}: {LOWER_BOUND_REASON}', _FAINT)
+        if details:
+            row += f'  {_number(topic.latency_p99 * 1e3, 7, 2)}'
+        yield f'{row}  {topic.lost_in_words:>4}'
+    yield paint(DELAY_MEANING, _FAINT)
+    if any(topic.has_unknown_losses for topic in topics):
+        yield paint(LOWER_BOUND_MEANING, _FAINT)
 
 
 def _leg(leg: ReviewedLeg, paint: _Paint) -> Iterator[str]:
@@ -81,14 +87,20 @@ def _leg(leg: ReviewedLeg, paint: _Paint) -> Iterator[str]:
     yield f'turns of the crank         {_number(figures.turns, 10, 3)}'
     yield f'stride                     {_number(1e3 * figures.stride, 10, 1)} mm'
     yield f'lift                       {_number(1e3 * figures.lift, 10, 1)} mm'
-    yield f'duty factor                {_number(figures.duty_factor, 10, 3)} of the poses'
-    yield f'straightness of the stance {_number(figures.straightness, 10, 4)} of its length off'
-    yield f'worst transmission angle   {_number(mu, 10, 2)} deg from in line'
+    yield f'foot on the ground         {_number(1e2 * figures.duty_factor, 10, 1)} % of a turn'
+    bend = _number(1e2 * figures.straightness, 10, 2)
+    yield f'stance off a straight line {bend} % of its length'
+    yield f'smallest transmission angle{_number(mu, 10, 2)} deg; at 0 deg two links are in line'
+    if source:
+        yield paint(f'the geometry is that of {source}', _FAINT)
+
+
+def _accuracy(leg: ReviewedLeg) -> Iterator[str]:
+    """Yield how exactly the recorded poses fulfil the loop equations."""
+    figures = leg.figures
     yield f'worst residual             {_power(1e3 * figures.worst_residual)} mm'
     yield f'worst angle, solved again  {_power(degrees(figures.worst_angle_error))} deg off'
     yield f'worst foot, by its angles  {_power(1e3 * figures.worst_foot_error)} mm off'
-    if source:
-        yield paint(f'the geometry is that of {source}', _FAINT)
 
 
 def _walk(walk: WalkFigures, paint: _Paint) -> Iterator[str]:
@@ -116,7 +128,7 @@ def _findings(review: Review, paint: _Paint) -> Iterator[str]:
     for leg in review.legs:
         if len(leg.recording.poses) > len(leg.evaluated.poses):
             change = review.since_start(leg.recording.solver.leg_time)
-            text = f'the leg changed during the run; poses before {change:.2f} s were not judged'
+            text = f'the leg changed during the run; poses before {change:.2f} s are not checked'
             yield located(leg.recording.title, text)
 
 
@@ -130,15 +142,15 @@ def _finding(finding: Finding, paint: _Paint) -> Iterator[str]:
 
 
 def _nothing(review: Review) -> str:
-    """Return what it means that nothing is found: no more than was judged."""
+    """Return what it means that nothing is found: no more than was checked."""
     pose_count = sum(len(leg.recording.poses) for leg in review.legs)
     judged_legs = [leg for leg in review.legs if leg.errors is not None]
     judged_count = sum(len(leg.evaluated.poses) for leg in judged_legs)
     if not judged_count:
-        return 'nothing found, but no pose was judged'
+        return 'nothing found, but no pose could be checked'
     poses = 'every pose'
     if judged_count < pose_count:
-        poses = f'each of the {counted(judged_count, "judged pose")}'
+        poses = f'each of the {counted(judged_count, "checked pose")}'
     return f'nothing found: {poses} is the right one for its crank angle'
 
 

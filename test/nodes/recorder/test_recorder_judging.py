@@ -224,7 +224,7 @@ def test_it_ends_in_order(seen: dict[str, Any]) -> None:
 def test_without_an_event_nothing_is_written_and_this_is_reported(ros: Domain) -> None:
     folder = ros.folder / 'runs'
     recorder = ros.start('recorder_node', output=folder, pre_trigger=5.0)
-    ros.probe.until(lambda: 'waiting for a trigger' in recorder.errors)
+    ros.probe.until(lambda: 'waiting: a finding' in recorder.errors)
     assert recorder.stop(signal.SIGINT) == 0
     assert 'no trigger occurred; nothing was written' in recorder.errors
     assert list(folder.iterdir()) == []

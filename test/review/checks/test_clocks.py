@@ -40,7 +40,7 @@ def test_messages_latched_before_discovery_have_no_latency(healthy, make_run) ->
 def test_no_latency_is_shown_where_none_is_known(healthy, make_run, capsys, tmp_path) -> None:
     run = latched(make_run, healthy, *((n - 20.0, 0.1 + n, n + 1) for n in range(12)))
     report = tmp_path / 'report.json'
-    assert main([str(run), '--json', str(report)]) == 0
+    assert main([str(run), '--json', str(report), '--details']) == 0
     assert re.search(r'^/markers +12 .* - +- +0$', capsys.readouterr().out, re.MULTILINE)
     (topic,) = [t for t in json.loads(report.read_text())['topics'] if t['name'] == '/markers']
     assert (topic['latency_p50'], topic['latency_p99']) == (None, None)

@@ -51,6 +51,7 @@ const KINDS = [
   },
   {
     key: 'residuals',
+    isDetail: true,
     title: 'Closure residual',
     unit: 'residual / mm',
     isLog: true,
@@ -64,6 +65,7 @@ const KINDS = [
   },
   {
     key: 'iterations',
+    isDetail: true,
     title: 'Newton iterations',
     unit: 'most a pose',
     digits: 0,
@@ -98,13 +100,13 @@ function column(name, values, colour, isHidden = false) {
 
 class LegCharts {
   /** Make the charts of legs, one of each run; `onPick` gets the time that is clicked at. */
-  constructor(holder, legs, { isOverCrank, onPick, whole }) {
+  constructor(holder, details, legs, { isOverCrank, onPick, whole }) {
     this.legs = legs;
     this.isOverCrank = isOverCrank && legs[0].hasPoses;
     this.whole = this.isOverCrank ? [0, 360] : whole;
     this.onPick = (x) => onPick(this.isOverCrank ? this.timeAtCrank(x) : x);
     this.charts = [];
-    for (const kind of KINDS) this.add(holder, kind);
+    for (const kind of KINDS) this.add(kind.isDetail ? details : holder, kind);
   }
 
   add(holder, kind) {

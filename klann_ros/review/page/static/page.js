@@ -63,7 +63,8 @@ class Page {
 
   drawCharts() {
     if (this.charts) this.charts.remove();
-    this.charts = new LegCharts(document.getElementById('charts'), this.legs, {
+    const [holder, details] = ['charts', 'accuracy'].map((id) => document.getElementById(id));
+    this.charts = new LegCharts(holder, details, this.legs, {
       isOverCrank: this.isOverCrank,
       onPick: (time) => this.player.go(time),
       whole: [0, this.duration],
