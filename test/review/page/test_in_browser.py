@@ -299,7 +299,8 @@ def test_printed_pages_have_figures_and_no_controls(visit) -> None:
     opened.page.emulate_media(media='print')
     assert not opened.page.locator('#player').is_visible()
     assert opened.page.locator('#picture .leg').is_visible()
-    assert opened.page.locator('#charts canvas').count() == 5
+    assert opened.page.locator('#charts canvas').count() == 3
+    assert not opened.page.locator('#accuracy canvas').first.is_visible()
     assert luminance(opened.page.evaluate(PAPER)) == 255
     assert opened.page.pdf().startswith(b'%PDF')
 
