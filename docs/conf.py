@@ -6,11 +6,15 @@ rosdoc2 keeps the places of the files (rosdoc2.yaml): README and the like above 
 
 from importlib.util import find_spec
 from pathlib import Path
+import re
 import sys
 
 from klann_ros import __version__
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+DOCS = Path(__file__).resolve().parent
+sys.path.insert(0, str(DOCS))
+# Where the Markdown itself is shown, a link stands for a generated file.
+GENERATED = re.compile(r'(?ms)^<!-- generated (\S+) -->\n.*?^<!-- end -->\n')
 
 project = 'klann_ros'
 author = 'klann_ros maintainers'
@@ -46,3 +50,13 @@ if find_spec('furo'):
 else:
     # docs.ros.org has a theme of its own, and an older docutils.
     extensions += ['sphinx.ext.mathjax']
+
+
+def include_generated(_app, _page, source):
+    """Put generated files into a page, in place of the links to them."""
+    source[0] = GENERATED.sub(lambda match: (DOCS / match[1]).read_text('utf-8'), source[0])
+
+
+def setup(app):
+    """Extend Sphinx."""
+    app.connect('source-read', include_generated)

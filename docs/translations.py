@@ -7,6 +7,7 @@ has a decimal comma in Portuguese. A page has a table between two comments, the 
 """
 
 from collections.abc import Iterator
+from itertools import product
 import json
 from pathlib import Path
 import re
@@ -18,6 +19,8 @@ from klann_ros.exercises.variant import texts
 
 DOCS = Path(__file__).resolve().parent
 NOTEBOOKS = DOCS.parent / 'examples' / 'notebooks'
+# The tables of the courses, which the site puts into their pages, are data of the tests.
+FOLDERS = (DOCS, DOCS.parent / 'test' / 'docs')
 # File names in English and Portuguese, without their endings.
 NOTEBOOK_NAMES = {'sem104_lecture_7': 'sem104_aula_7', 'four_bar': 'quatro_barras'}
 PAGE_NAMES = {
@@ -101,9 +104,9 @@ def outputs() -> Iterator[tuple[Path, str]]:
         source = (NOTEBOOKS / f'{names[0]}.md.in').read_text(encoding='utf-8')
         for name, language in zip(names, LANGUAGES, strict=True):
             yield NOTEBOOKS / f'{name}.ipynb', notebook(source, language)
-    for names in PAGE_NAMES.items():
+    for folder, names in product(FOLDERS, PAGE_NAMES.items()):
         for name, language in zip(names, LANGUAGES, strict=True):
-            path = DOCS / f'{name}.md'
+            path = folder / f'{name}.md'
             if path.exists():
                 yield path, page(path.read_text(encoding='utf-8'), language)
 

@@ -9,14 +9,19 @@ import numpy as np
 import pytest
 
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
-TEXTS = [(DOCS / name).read_text(encoding='utf-8') for name in ('courses.md', 'cursos.md')]
+# The tables of the pages, which translations.py writes.
+TEXTS = [
+    Path(__file__).with_name(name).read_text(encoding='utf-8')
+    for name in ('courses.md', 'cursos.md')
+]
 TEXT = TEXTS[0]
 NUMBER = re.compile(r'-?\d+(?:\.(\d+))?')
 
 
 # What the page's example defines.
 NAMES: dict[str, Any] = {}
-exec(*re.findall(r'(?ms)^```python\n(.*?)^```', TEXT), NAMES)  # noqa: S102 - our own page
+PAGE = (DOCS / 'courses.md').read_text(encoding='utf-8')
+exec(*re.findall(r'(?ms)^```python\n(.*?)^```', PAGE), NAMES)  # noqa: S102 - our own page
 
 
 def table_cells(columns: int, text: str = TEXT) -> Iterator[list[str]]:

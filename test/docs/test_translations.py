@@ -13,7 +13,14 @@ import pytest
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
 TRANSLATIONS = runpy.run_path(str(DOCS / 'translations.py'))
 PAGE_NAMES: dict[str, str] = TRANSLATIONS['PAGE_NAMES']
-PAGES = [names for names in PAGE_NAMES.items() if (DOCS / f'{names[1]}.md').exists()]
+FOLDERS: tuple[Path, ...] = TRANSLATIONS['FOLDERS']
+# Both languages of each page.
+PAGES = [
+    (folder / f'{english}.md', folder / f'{portuguese}.md')
+    for folder in FOLDERS
+    for english, portuguese in PAGE_NAMES.items()
+    if (folder / f'{english}.md').exists()
+]
 NUMBER = r'(?<![\w.])\d+(?:\.\d+)?'
 
 
@@ -27,7 +34,7 @@ def test_notebooks_and_tables_are_those_of_their_source() -> None:
 
 def test_every_table_is_in_both_languages_of_a_page() -> None:
     tables: dict[str, str] = TRANSLATIONS['tables']()
-    pages = [path.read_text('utf-8') for path in DOCS.glob('*.md')]
+    pages = [path.read_text('utf-8') for folder in FOLDERS for path in folder.glob('*.md')]
     used = Counter(name for page in pages for name, _ in TRANSLATIONS['TABLE'].findall(page))
     assert used == dict.fromkeys(tables, 2)
     for path, text in TRANSLATIONS['outputs']():
@@ -57,7 +64,8 @@ def links(text: str, _: str) -> Iterator[str]:
     names = {**PAGE_NAMES, 'theory': 'teoria'}
     english = {f'{portuguese}.md': f'{name}.md' for name, portuguese in names.items()}
     for target in re.findall(r'\]\(([^)#\s]+)', text):
-        yield english.get(target, target)
+        folder, _, name = target.rpartition('/')
+        yield f'{folder}/{english.get(name, name)}'
 
 
 def numbers(text: str, language: str) -> list[str]:
@@ -73,11 +81,13 @@ def _prose(text: str) -> str:
 
 
 @pytest.mark.parametrize('extract', [code, headings, words_in_code, links, numbers])
-@pytest.mark.parametrize('names', PAGES, ids=lambda names: names[0])
+@pytest.mark.parametrize(
+    'paths', PAGES, ids=lambda paths: paths[0].relative_to(DOCS.parent).as_posix()
+)
 def test_both_languages_of_a_page_have_the_same(
-    names: tuple[str, str], extract: Callable[[str, str], Iterator[str]]
+    paths: tuple[Path, Path], extract: Callable[[str, str], Iterator[str]]
 ) -> None:
-    english, portuguese = ((DOCS / f'{name}.md').read_text('utf-8') for name in names)
+    english, portuguese = (path.read_text('utf-8') for path in paths)
     # A sentence has another order in another language.
     there = Counter(extract(english, 'en'))
     here = Counter(extract(portuguese, 'pt'))

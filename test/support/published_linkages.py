@@ -1,7 +1,8 @@
 """
 Numbers that others have published about the shipped linkages, and the same numbers of ours.
 
-`published.yaml` has the published ones. Run this to write docs/published_linkages.md.
+`published.yaml` has the published ones. Run this to write the tables, which the site shows in
+docs/published_linkages.md.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +18,7 @@ from klann_ros.kinematics.linkage.file import SHIPPED
 import numpy as np
 from yaml_tables import read_table
 
-PAGE = Path(__file__).parents[2] / 'docs/published_linkages.md'
+TABLES = Path(__file__).with_suffix('.md')
 DATA = read_table(Path(__file__).with_suffix('.yaml'))
 Values = tuple[float, ...]
 
@@ -276,7 +277,7 @@ FIND: Mapping[str, Any] = {
 CITED = tuple(cited())
 
 
-# The page.
+# The tables.
 
 
 def written(values: Values, error: float) -> str:
@@ -287,26 +288,13 @@ def written(values: Values, error: float) -> str:
     return ', '.join(texts)
 
 
-def page() -> str:
-    """Return docs/published_linkages.md."""
+def tables() -> str:
+    """Return the tables of all linkages, and of their sources."""
     linkages = list(dict.fromkeys(row.linkage for row in CITED))
     numbers = sum(len(row.values) for row in CITED)
-    lines = [
-        '# Published linkages',
-        '',
-        f'{len(linkages)} of the shipped linkages against {numbers} published numbers. Ours come',
-        'from the files in `klann_ros/linkages/` and agree within the reading error of the',
-        'source; rows with other lengths than the file state this. The numbers and this page are',
-        'tested by `test/kinematics/test_published.py` and written by',
-        '`python test/support/published_linkages.py`.',
-        '',
-        'A pose on a plan is compared at the crank angle of its drawn crank pin, which is not',
-        "counted itself. The numbers are in the plan's units and frame.",
-        '',
-        'Linkages without published numbers:',
-        '',
-        *(f'- `{name}`: {why}' for name, why in WITHOUT.items()),
-    ]
+    lines = [f'{len(linkages)} of the shipped linkages, {numbers} published numbers.']
+    lines += ['', '| no published numbers | |', '|---|---|']
+    lines += [f'| `{name}` | {why} |' for name, why in WITHOUT.items()]
     for name in linkages:
         rows = [row for row in CITED if row.linkage == name]
         lines += ['', f'## {shipped_linkage(name).name} (`{name}`)', '']
@@ -327,4 +315,4 @@ def page() -> str:
 
 
 if __name__ == '__main__':
-    PAGE.write_text(page(), encoding='utf-8')
+    TABLES.write_text(tables(), encoding='utf-8')
