@@ -72,13 +72,7 @@ def tables() -> dict[str, str]:
         credit = data()['marking']['credit']
         words[f'credit_{slip}'] = str(credit.get(slip, credit['other']))
     source = Template((DOCS / 'tables.md.in').read_text(encoding='utf-8'))
-    named_tables = dict(TABLE.findall(source.safe_substitute(words)))
-    rows = ['| `--kind` | «exercise|exercício» |', '|---|---|']
-    for kind, description in texts()['kinds'].items():
-        titles = {language: description[language]['title'] for language in LANGUAGES}
-        rows.append(f'| `{kind}` | {_bilingual(titles)} |')
-    named_tables['teaching-kinds'] = '\n'.join([*rows, ''])
-    return named_tables
+    return dict(TABLE.findall(source.safe_substitute(words)))
 
 
 def _bilingual(words: dict[str, str]) -> str:
