@@ -56,7 +56,7 @@ def images(page: Path) -> list[str]:
 
 def prose(page: Path) -> str:
     """Return a page without code, displayed formulas, images and references; decimal points."""
-    text = page.read_text(encoding='utf-8').split('## 10.')[0]
+    text = re.split('(?m)^## Ref', page.read_text(encoding='utf-8'))[0]
     for skipped in (r'^```.*?^```', r'^\$\$\n.*?^\$\$', r'!\[[^\]]*\]\([^)]*\)'):
         text = re.sub(skipped, '', text, flags=re.DOTALL | re.MULTILINE)
     return re.sub(r'(?<=\d),(?=\d)', '.', text)
@@ -89,31 +89,34 @@ def test_the_examples_of_the_theory_run() -> None:
     source = '\n'.join(blocks(ENGLISH, 'python'))
     test = doctest.DocTestParser().get_doctest(source, {}, ENGLISH.name, str(ENGLISH), 0)
     result = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test)
-    assert (result.failed, result.attempted > 40) == (0, True)
+    assert (result.failed, result.attempted > 25) == (0, True)
 
 
-def test_both_languages_have_the_same_formulas_examples_and_figures() -> None:
+def test_the_portuguese_page_has_formulas_examples_and_figures_of_the_english_one() -> None:
     for extract in (displayed, images, lambda page: blocks(page, 'python')):
         english, portuguese = map(extract, PAGES)
-        assert english == portuguese
-        assert english
+        # The numerical methods of the program are in English only.
+        assert portuguese == [part for part in english if part in portuguese]
+        assert len(portuguese) > 0.6 * len(english)
 
 
-def test_both_languages_have_the_same_sections() -> None:
+def test_the_portuguese_page_has_the_sections_of_the_courses() -> None:
     def sections(page: Path) -> list[str]:
-        return re.findall(r'^(#+ \d*\.?)', page.read_text(encoding='utf-8'), re.MULTILINE)
+        return re.findall(r'^(## (?:\d+\.|Ref))', page.read_text(encoding='utf-8'), re.MULTILINE)
 
     english, portuguese = map(sections, PAGES)
-    assert english == portuguese == ['# ', *(f'## {k}.' for k in range(1, 11))]
+    assert english == [*(f'## {k}.' for k in range(1, 10)), '## Ref']
+    assert portuguese == [*(f'## {k}.' for k in range(1, 8)), '## Ref']
 
 
 @pytest.mark.parametrize('pattern', [NUMBER, r'\$[^$]+\$'], ids=['numbers', 'formulas'])
-def test_both_languages_have_the_same_numbers_and_formulas_in_their_sentences(
+def test_each_number_and_formula_in_a_portuguese_sentence_is_in_an_english_one(
     pattern: str,
 ) -> None:
     # A sentence is put in another order in another language, and so are its formulas.
-    english, portuguese = (sorted(re.findall(pattern, prose(page))) for page in PAGES)
-    assert english == portuguese
+    english, portuguese = (Counter(re.findall(pattern, prose(page))) for page in PAGES)
+    assert portuguese - english == Counter()
+    assert portuguese.total() > 0.6 * english.total()
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
@@ -134,7 +137,7 @@ def test_every_figure_is_made_and_small(tmp_path: Path) -> None:
     )
     assert (done.returncode, done.stderr) == (0, '')
     names = {path.name for path in tmp_path.iterdir()}
-    shown = {*images(ENGLISH), *images(DOCS / 'index.md')}
+    shown = {*images(ENGLISH), *images(DOCS / 'index.md'), *images(DOCS / 'python.md')}
     assert names <= shown
     # The others stand for interactive figures.
     plans = read_table(DOCS / 'interactive' / 'figures.yaml')
