@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+import fork_server
 from forked_workers import Distribution
 from hypothesis import HealthCheck, settings
 import pytest
@@ -76,6 +77,8 @@ def pytest_collection_finish() -> None:
     """Collect garbage again, without a look at the tests."""
     gc.freeze()
     gc.enable()
+    # A test leaves little garbage.
+    gc.set_threshold(50_000, 20, 20)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -106,6 +109,8 @@ def pytest_runtestloop(session: pytest.Session) -> bool | None:
 
         return max(remaining, key=rank)
 
+    # All workers have it.
+    fork_server.server()
     Distribution(session, list(batches.values()), choose).run(worker_count)
     return True
 

@@ -155,8 +155,9 @@ def test_a_crank_that_does_not_follow_stops_all(
     fault = walk.control.latch.fault
     assert fault.joint == 'right_crank'
     assert fault.kind is kind
-    assert 'right_crank' in walk.control.verdict(walk.now)[1]
-    assert walk.control.verdict(walk.now)[0] is DiagnosticLevel.ERROR
+    level, text = walk.control.verdict(walk.now)
+    assert text.startswith(f'stopped: right_crank {kind.value}')
+    assert level is DiagnosticLevel.ERROR
     walk.run(3.0)
     assert walk.turned_after == []
 
@@ -181,17 +182,16 @@ def test_a_motor_that_obeys_is_no_fault_however_slow(
     steering: Steering, motor: Motor, ticks: int
 ) -> None:
     """Straight on, in curves, on the spot, forwards and back, with standstills, slow and fast."""
-    for seed in range(2 if ticks == 1 else 1):
-        random = Random(seed)  # noqa: S311 - commands
-        walk = FaultyWalk(steering, [Motor(delay=motor.delay), replace(motor)])
-        walk.feedback_ticks = ticks
-        for _ in range(8):
-            size = random.choice([0.05, 0.3, 1.0])
-            linear = random.choice([-0.2, -0.1, 0.0, 0.1, 0.2]) * size
-            walk.twist = (linear, random.choice([-0.1, 0.0, 0.1]) * size)
-            walk.run(random.choice([0.5, 2.0, 5.0]))
-            assert walk.control.latch.fault is None
-            assert walk.motors[1].position != 0.0 or walk.twist == (0.0, 0.0)
+    random = Random(ticks)  # noqa: S311 - commands
+    walk = FaultyWalk(steering, [Motor(delay=motor.delay), replace(motor)])
+    walk.feedback_ticks = ticks
+    for _ in range(6):
+        size = random.choice([0.05, 0.3, 1.0])
+        linear = random.choice([-0.2, -0.1, 0.0, 0.1, 0.2]) * size
+        walk.twist = (linear, random.choice([-0.1, 0.0, 0.1]) * size)
+        walk.run(random.choice([0.5, 1.5, 3.0]))
+        assert walk.control.latch.fault is None
+        assert walk.motors[1].position != 0.0 or walk.twist == (0.0, 0.0)
 
 
 class Body:
@@ -246,9 +246,10 @@ def test_a_body_that_falls_over_stops(
     body.feel(0.3 if has_orientation else 1.2, radians(degrees))
     assert body.kind is FaultKind.TILTED
     assert body.rates == [0.0, 0.0]
-    assert f'{abs(degrees):.0f} deg' in body.walker.verdict(body.ticks * DT)[1] or (
-        not has_orientation
-    )
+    text = body.walker.verdict(body.ticks * DT)[1]
+    assert FaultKind.TILTED.value in text
+    assert 'it has fallen' in text
+    assert f'{abs(degrees):.0f} deg' in text or not has_orientation
     body.walker.controller.latch.reset()
     # It lies as before.
     body.feel(0.05, radians(degrees))
@@ -285,6 +286,7 @@ def test_a_body_that_falls_freely_stops(steering: Steering) -> None:
     body.feel(0.12, gravity=0.3)
     assert body.kind is FaultKind.FREE_FALL
     assert body.rates == [0.0, 0.0]
+    assert FaultKind.FREE_FALL.value in body.walker.verdict(body.ticks * DT)[1]
 
 
 @pytest.mark.parametrize('gravity', [0.0, 1.0, nan])
@@ -411,14 +413,14 @@ def test_a_late_cycle_that_stamps_itself_is_no_offset(rate: float, ticks: int) -
 
 
 @pytest.mark.parametrize('resolution', [0.0, 2.0 * pi / 64])
-@pytest.mark.parametrize('offset', [-0.1, -0.16, -0.3, 0.3, -1.5, 2.0 * pi])
+@pytest.mark.parametrize('offset', [-0.1, -0.3, 0.3, 2.0 * pi])
 def test_an_encoder_that_slips_or_restarts_is_no_fault(
     steering: Steering, offset: float, resolution: float
 ) -> None:
-    for begin in (0.6, 1.5, 1.53, 3.0):
+    for begin in (0.6, 1.53):
         walk = FaultyWalk(steering, [Motor(), Motor(resolution=resolution)]).run(begin)
         walk.motors[1].position += offset
-        walk.run(4.0)
+        walk.run(2.5)
         assert walk.control.latch.fault is None
 
 
@@ -427,9 +429,9 @@ def test_an_encoder_of_few_counts_shows_a_slow_motor(steering: Steering, linear:
     """At 64 counts a turn a creeping crank stands still for a second, by its encoder."""
     walk = FaultyWalk(steering, [Motor(), Motor(factor=0.5, resolution=2.0 * pi / 64)])
     walk.twist = (linear, 0.0)
-    walk.run(60.0)
+    walk.run(40.0)
     assert walk.control.latch.fault is None
-    assert abs(walk.motors[1].position) > 0.5
+    assert abs(walk.motors[1].position) > 0.3
 
 
 @pytest.mark.parametrize('delay', [0.1, 0.29])

@@ -38,7 +38,7 @@ def assert_stands(motors: Motors) -> None:
     assert tuple(last[-1].position) in motors.measured
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_stops_the_cranks(ros: Domain, number: signal.Signals) -> None:
     process, motors = started(ros)
     process.popen.send_signal(number)

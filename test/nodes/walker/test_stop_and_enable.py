@@ -57,8 +57,9 @@ def test_a_disabled_walker_commands_zero_at_its_rate_until_it_is_enabled(
     walks(ros, motors)
 
 
-@pytest.mark.parametrize('durability', ['VOLATILE', 'TRANSIENT_LOCAL'])
-@pytest.mark.parametrize('reliability', ['RELIABLE', 'BEST_EFFORT'])
+@pytest.mark.parametrize(
+    ('durability', 'reliability'), [('VOLATILE', 'RELIABLE'), ('TRANSIENT_LOCAL', 'BEST_EFFORT')]
+)
 def test_an_emergency_stop_of_any_quality_of_service_latches(
     ros: Domain, motors: Motors, durability: str, reliability: str
 ) -> None:

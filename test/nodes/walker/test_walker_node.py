@@ -120,9 +120,7 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     ('seconds', 'twist', 'ends'),
     [
         (0.3, (0.1, 0.0), False),
-        (1.0, (-0.1, 0.05), False),
-        (0.5, (0.0, 0.0), False),
-        (5.0, (0.1, -0.05), True),
+        (1.5, (-0.1, 0.05), True),
     ],
 )
 def test_a_resumed_process_starts_at_the_measured_crank_angles(
@@ -131,10 +129,7 @@ def test_a_resumed_process_starts_at_the_measured_crank_angles(
     probe = motors.probe
     linear = twist[0]
     motors.twist = twist
-    if any(twist):
-        motors.until_walking()
-    else:
-        motors.until_stopped()
+    motors.until_walking()
     pause_count = walker.errors.count('was paused for')
     command_count = len(motors.commands)
     walker.popen.send_signal(SIGSTOP)
