@@ -3,7 +3,6 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, KW_ONLY
-from difflib import get_close_matches
 from functools import partial
 from itertools import pairwise
 import json
@@ -287,6 +286,8 @@ def _is_unchanged_constant(node: Node, parameter: Parameter) -> bool:
 
 def _nearest_name(name: str, declared_names: Collection[str]) -> str:
     """Return the declared name that was most likely meant; '' if none is near."""
+    from difflib import get_close_matches  # noqa: PLC0415 - only mistakes need it
+
     family, dot, _ = name[: 2 * MAX_NAME_LENGTH].rpartition('.')
     siblings = [n for n in declared_names if dot and n.rpartition('.')[0] == family]
     # The siblings' common prefix does not distinguish them.

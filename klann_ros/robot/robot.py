@@ -2,13 +2,17 @@
 
 from dataclasses import dataclass, replace
 from math import cos, pi, sin
+from typing import TYPE_CHECKING
 
-from klann_ros.dynamics import Dynamics, GRAVITY, MassError, Masses, with_rods
+from klann_ros.dynamics import MassError, Masses, with_rods
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.sanitize.yaml_text import parse
 import numpy as np
 from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    from klann_ros.dynamics import Dynamics
 
 Triple = tuple[float, float, float]
 
@@ -265,7 +269,7 @@ class Robot:
         """Return the legs driven by a joint."""
         return tuple(leg for leg in self.legs if leg.crank_joint == joint)
 
-    def dynamics(self, leg: RobotLeg) -> Dynamics:
+    def dynamics(self, leg: RobotLeg) -> 'Dynamics':
         """
         Return the dynamics of a leg, with gravity along -z of base_link.
 
@@ -275,6 +279,9 @@ class Robot:
             The file has no masses; the text says which are missing.
 
         """
+        # The solver of many poses is not loaded where a robot only turns or is drawn.
+        from klann_ros.dynamics import Dynamics, GRAVITY  # noqa: PLC0415
+
         if leg.masses is None:
             missing = 'bar_density [kg/m] is missing, or what `export FILE --weighed OUT` writes'
             raise MassError(f'{self.source or self.name} has no masses: {missing}')

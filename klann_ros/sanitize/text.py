@@ -1,7 +1,6 @@
 """Untrusted texts made printable, numbers in sentences, untrusted JSON."""
 
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 import json
 from math import isfinite
 from pathlib import Path
@@ -94,6 +93,8 @@ def did_you_mean(name: object, names: Iterable[str]) -> str:
     candidates = [*names]
     matches = [c for c in candidates if c.casefold() == wrong_name.casefold()]
     if not matches:
+        from difflib import get_close_matches  # noqa: PLC0415 - only mistakes need it
+
         matches = get_close_matches(wrong_name, [c for c in candidates if len(c) > 1], n=1)
     return f'; did you mean {printable(matches[0], MAX_NAME_LENGTH // 3)}?' if matches else ''
 

@@ -29,7 +29,6 @@ from klann_ros.kinematics.arrays import BoolArray, FloatArray
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.searches import parabola_peak
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
 
 from . import joints
 from .blocks import Block
@@ -110,6 +109,8 @@ class _PosePolynomials(NamedTuple):
 
     def at(self, offset: Any) -> InterpolatedPose:
         """Return the poses at distances from the centre, shape (..., n - 1)."""
+        from numpy.polynomial.polynomial import polyder, polyval  # noqa: PLC0415 - six modules
+
         derivatives = []
         for order in range(3):
             polynomial = polyder(self.coefficients, order) / self.radius**order

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache
-from importlib import resources
 from itertools import chain, islice
 import json
 from math import radians
@@ -31,7 +30,7 @@ LENGTH_UNITS = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}
 NUMBER_DIGITS = 9
 """Digits behind the point of written numbers, in their own units."""
 
-SHIPPED = resources.files('klann_ros') / 'linkages'
+SHIPPED = Path(__file__).parents[2] / 'linkages'
 
 
 class LinkageFileError(GeometryError):
@@ -467,6 +466,8 @@ def schema_error(content: Any, package: str = __package__) -> str:
 
 @cache
 def _schema(package: str) -> dict[str, Any]:
+    from importlib import resources  # noqa: PLC0415 - it loads archives
+
     text = (resources.files(package) / 'schema.json').read_text(encoding='utf-8')
     schema: dict[str, Any] = json.loads(text)
     if package != __package__:

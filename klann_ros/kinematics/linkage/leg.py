@@ -11,7 +11,6 @@ from klann_ros.kinematics.angles import Arc, crank_angle, MAX_CRANK_ANGLE, TURN
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.results import LinkagePoses
 from klann_ros.kinematics.newton import Iterations, newton_raphson
-from klann_ros.kinematics.svg import leg_svg
 from klann_ros.sanitize.text import listed, refusal
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,6 +104,8 @@ class Leg(Generic[PoseT, MotionT]):
         return f'{type(self).__name__}({self._linkage!r})'
 
     def _repr_svg_(self) -> str:
+        from klann_ros.kinematics.svg import leg_svg  # noqa: PLC0415 - only notebooks draw
+
         return leg_svg(self)
 
     def __getstate__(self) -> dict[str, Any]:

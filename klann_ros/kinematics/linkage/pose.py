@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
-from klann_ros.kinematics.svg import pose_svg
 import numpy as np
 
 from . import joints
@@ -123,6 +122,8 @@ class LinkagePose(NamedTuple):
         return _format(self, self.linkage)
 
     def _repr_svg_(self) -> str:
+        from klann_ros.kinematics.svg import pose_svg  # noqa: PLC0415 - only notebooks draw
+
         return pose_svg(self)
 
     @property

@@ -37,8 +37,6 @@ from rclpy.parameter import Parameter
 from .declarations import SETTINGS
 from .driven_leg import DrivenLeg
 
-_PRESETS = {name: make() for name, make in PRESETS.items()}
-
 
 class LegParameters:
     """The legs of a node, in the order of their names, and their parameters."""
@@ -108,8 +106,8 @@ class LegParameters:
     def _kind(self, driven: DrivenLeg) -> str:
         linkage = driven.leg.linkage
         if driven.name not in self._files:
-            for name, preset in _PRESETS.items():
-                if preset.linkage == linkage:
+            for name, make_geometry in PRESETS.items():
+                if make_geometry().linkage == linkage:
                     return f'Klann leg {name}'
             return 'Klann leg of its own lengths'
         file = self._files[driven.name] or LINKAGE_PARAMETER

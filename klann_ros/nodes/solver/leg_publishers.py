@@ -6,13 +6,8 @@ from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PointStamped, TwistStamped
-from klann_ros.kinematics import (
-    foot_path,
-    KinematicsError,
-    LinkageMotion,
-    LinkagePose,
-    PoseDrawing,
-)
+from klann_ros import kinematics
+from klann_ros.kinematics import KinematicsError, LinkageMotion, LinkagePose
 from klann_ros.log import DESCRIPTION_TOPIC, leg_description, SolverParameters
 from klann_ros.messages import JointStateTemplate, point_template, Template, twist_template
 from klann_ros.nodes.endpoints import create_publisher, LATCHED
@@ -160,7 +155,8 @@ class LegMarkers:
     def _fixed_parts(self, leg: DrivenLeg, stamp: Time) -> list[Marker]:
         """Return the markers of a leg that stay: the path of its foot, and its pivots."""
         try:
-            path = foot_path(leg.leg)
+            # Loaded for the first subscriber.
+            path = kinematics.foot_path(leg.leg)
             pose = leg.leg.closed_form(float(path.alphas[0]))
         except KinematicsError:
             # A leg that hardly closes anywhere has no path.
@@ -169,7 +165,7 @@ class LegMarkers:
         feet = path.h.tolist()
         line = self._make_marker(leg, _PATH_ID, Marker.LINE_STRIP, _PATH_SIZE * size, _GREY, stamp)
         line.points = _points([*feet, feet[0]] if path.full_turn else feet)
-        drawing = PoseDrawing.of(pose)
+        drawing = kinematics.PoseDrawing.of(pose)
         pivots = self._make_marker(
             leg, _PIVOTS_ID, Marker.CUBE_LIST, _PIVOT_SIZE * size, _DARK, stamp
         )
@@ -178,7 +174,7 @@ class LegMarkers:
 
     def _moving_parts(self, leg: DrivenLeg, pose: LinkagePose, stamp: Time) -> list[Marker]:
         """Return the markers of a pose: its joints, and the bars of each body."""
-        drawing = PoseDrawing.of(pose)
+        drawing = kinematics.PoseDrawing.of(pose)
         points = list(drawing.points.values())
         x_values, y_values = zip(*points, strict=True)
         size = float(max(max(x_values) - min(x_values), max(y_values) - min(y_values)))
