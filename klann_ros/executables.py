@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 import errno
 from functools import partial
+import gc
 from importlib import import_module
 from io import StringIO, TextIOWrapper
 import os
@@ -39,6 +40,8 @@ def _run_node(name: str, *, uses_terminal: bool = False) -> int:
     from .stop_signals import StopSignals  # noqa: PLC0415 - Windows has no such signals
 
     stop = StopSignals(uses_terminal=uses_terminal)
+    # Nothing of a start is garbage; `process.run` enables it again.
+    gc.disable()
     folder = name.removesuffix('_node')
     try:
         module = import_module(f'klann_ros.nodes.{folder}.node')

@@ -2,10 +2,14 @@
 
 import argparse
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 import gc
+from importlib import import_module
+import inspect
 from itertools import islice, pairwise
 import sys
+from types import SimpleNamespace
 from typing import Any, Protocol
 
 from klann_ros.sanitize import yaml_text
@@ -17,6 +21,7 @@ import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl import rcutils_logger
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -120,6 +125,7 @@ def run(
             finished.set_result(code)
 
     _, ros_arguments = split(argv)
+    _shorten_start()
     try:
         _init_ros(ros_arguments)
         stop.on_stop(finish)
@@ -139,6 +145,7 @@ def run(
         executor.add_node(node)
         # These objects stay: the garbage collector need not scan them again.
         gc.freeze()
+        gc.enable()
         loop = RawMessageExecutor(executor, plain=not raw, batch_period=batch_period)
         spin_through_errors(partial(loop.spin_until_future_complete, finished), node)
         code = int(finished.result() or 0)
@@ -167,6 +174,22 @@ def _close(node: Node, code: int, stop: StopSignals) -> int:
         stop.limit_end(exit_code)
     flush(node.publishers, LAST_TIMEOUT)
     return exit_code
+
+
+def _shorten_start() -> None:
+    """Omit work of rclpy that no node needs, and that takes as long as the imports of a node."""
+    # Messages need one function of this package, which also loads the generator of their code,
+    # with its parser and its template engine, if it can.
+    generator = 'rosidl_generator_py.generate_py_impl'
+    if generator not in sys.modules:
+        sys.modules[generator] = None  # type: ignore[assignment]
+        with suppress(ImportError):
+            import_module('rosidl_generator_py')
+        del sys.modules[generator]
+    # The first line of a log would read the sources of all modules, for the lines around its call.
+    rcutils_logger.inspect = SimpleNamespace(
+        currentframe=inspect.currentframe, getframeinfo=partial(inspect.getframeinfo, context=0)
+    )
 
 
 def _init_ros(ros_arguments: Sequence[str]) -> None:

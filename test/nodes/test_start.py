@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 import re
+import subprocess
+import sys
 from typing import Any
 
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
@@ -89,3 +91,20 @@ def test_the_help_has_every_parameter(
     assert len(names) > 5
     plain = {name for name in names if not name.startswith('qos_overrides.')}
     assert plain <= set(re.findall(r'[\w.]+', capsys.readouterr().out))
+
+
+def test_a_start_loads_nothing_that_only_markers_mistakes_and_simulations_need() -> None:
+    code = 'import sys; from klann_ros.executables import solver_node; sys.exit(solver_node())'
+    start = [sys.executable, '-X', 'importtime', '-c', code, '--ros-args', '-p', 'tolerance:=0.0']
+    done = subprocess.run(start, check=False, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    loaded = set(re.findall(r'\| +(\S+)$', done.stderr, re.MULTILINE))
+    assert {'rclpy', 'klann_ros.nodes.solver.solver', 'type_description_interfaces'} <= loaded
+    unneeded = {
+        # what the generator of rclpy's messages needs
+        *('lark', 'em', 'rosidl_adapter'),
+        *('rclpy.lifecycle', 'klann_ros.dynamics.forces', 'klann_ros.kinematics.batch.kernels'),
+        *('klann_ros.kinematics.foot.path', 'klann_ros.kinematics.svg', 'difflib', 'tempfile'),
+        *('importlib.metadata', 'importlib.resources', 'jsonschema', 'mcap', 'matplotlib'),
+    }
+    assert loaded & unneeded == set()
