@@ -10,11 +10,12 @@ NAME = 'klann_ros'
 HERE = Path(__file__).resolve().parent
 
 # ROS itself is no requirement of the distribution: where ROS 2 is sourced, rclpy is there already
-# without a distribution of that name. package.xml names it for rosdep, the extra "ros" for pip.
-# Its wheels are for one system; elsewhere the other programs are installed.
+# without a distribution of that name. package.xml names it for rosdep, the extra "ros" (Jazzy) or
+# "ros-kilted" for pip. Its wheels are for one system; elsewhere the other programs are installed.
 WITH_ROS = '; sys_platform == "linux" and platform_machine == "x86_64"'
+JAZZY = [f'ros-jazzy-rclpy[fastrtps]{WITH_ROS}', f'ros-jazzy-common-interfaces{WITH_ROS}']
+KILTED = [f'ros-kilted-rclpy[fastrtps]{WITH_ROS}', f'ros-kilted-common-interfaces{WITH_ROS}']
 EXTRAS = {
-    'ros': [f'ros-jazzy-rclpy[fastrtps]{WITH_ROS}', f'ros-jazzy-common-interfaces{WITH_ROS}'],
     'pandas': ['pandas'],
     'plot': ['matplotlib'],
     'fast': ['numba'],
@@ -29,7 +30,11 @@ EXTRAS = {
     'sim': ['mujoco'],
 }
 # Who has a cluster knows it; nobody else wants 80 MB of Ray.
-EXTRAS['all'] = sorted({name for extra in EXTRAS if extra != 'cluster' for name in EXTRAS[extra]})
+WITHOUT_ROS = {name for extra in EXTRAS if extra != 'cluster' for name in EXTRAS[extra]}
+EXTRAS['ros'] = JAZZY
+EXTRAS['ros-kilted'] = KILTED
+EXTRAS['all'] = sorted({*WITHOUT_ROS, *JAZZY})
+EXTRAS['all-kilted'] = sorted({*WITHOUT_ROS, *KILTED})
 EXTRAS['test'] = [
     'aiohttp',
     'axe-playwright-python',

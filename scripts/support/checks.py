@@ -8,7 +8,7 @@ import time
 
 import browser
 from domain import own_world
-from environment import Environment, environment
+from environment import DISTRIBUTIONS, Environment, environment
 from processes import Command, last_lines, run
 from source import ROOT
 
@@ -20,6 +20,8 @@ EXTRA = ('ament_flake8', 'ament_pep257', 'pyodide', *PLATFORMS)
 FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
 # Computing tests run beside tests that wait for processes; see test/conftest.py.
 WORKERS = ('--workers', '5')
+# The tests of real nodes, for the other distributions of ROS.
+ROS_TESTS = ('test/nodes', 'test/examples/test_hardware_driver.py', 'test/review/test_real_run.py')
 # A test waits for its installation, which is complete when the tests are collected.
 FIRST = 'colcon'
 # The others run beside the tests and take only what these leave of a core.
@@ -33,11 +35,11 @@ MAX_RERUNS = 5
 
 def main(arguments: list[str]) -> int:
     """Run the checks; return 0 if all of them passed."""
-    names, pytest_arguments = _parse(arguments)
+    names, ros, pytest_arguments = _parse(arguments)
     failed = []
     summary = ''
     with (
-        environment('test') as env,
+        environment('test --ros' if ros else 'test', ros) as env,
         tempfile.TemporaryDirectory(prefix='klann_ros-') as folder,
         own_world(Path(folder)) as world,
     ):
@@ -75,7 +77,8 @@ def main(arguments: list[str]) -> int:
     return 1 if failed else 0
 
 
-def _parse(arguments: list[str]) -> tuple[list[str], list[str]]:
+def _parse(arguments: list[str]) -> tuple[list[str], str, list[str]]:
+    """Return the names of checks, the distribution of ROS ('' for any), pytest's arguments."""
     end = arguments.index('--') if '--' in arguments else len(arguments)
     pytest_arguments = arguments[end:][1:]
     parser = argparse.ArgumentParser(
@@ -85,11 +88,18 @@ def _parse(arguments: list[str]) -> tuple[list[str], list[str]]:
     )
     help_text = f'one or more of {", ".join(NAMES)}; default: all of them; also {", ".join(EXTRA)}'
     parser.add_argument('check', nargs='*', metavar='CHECK', help=help_text)
-    names = parser.parse_args(arguments[:end]).check
+    help_text = 'pytest alone, on real nodes, with this distribution of ROS 2'
+    parser.add_argument('--ros', choices=DISTRIBUTIONS, default='', help=help_text)
+    options = parser.parse_args(arguments[:end])
+    names = options.check
     unknown = [name for name in names if name not in NAMES + EXTRA]
     if unknown:
         parser.error(f'no such check: {", ".join(unknown)}')
-    return names or list(NAMES), pytest_arguments
+    if options.ros:
+        if names not in ([], ['pytest']):
+            parser.error('--ros runs pytest alone')
+        return ['pytest'], options.ros, pytest_arguments or [*ROS_TESTS]
+    return names or list(NAMES), '', pytest_arguments
 
 
 def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict[str, Command]:

@@ -10,7 +10,7 @@ import tempfile
 import time
 
 from domain import own_world
-from environment import environment, NEEDS
+from environment import DISTRIBUTIONS, environment, NEEDS
 from processes import Command, CommandError, end, last_lines, pause, run, running
 from source import ROOT
 
@@ -74,16 +74,18 @@ def main(arguments: list[str]) -> int:
         action='store_true',
         help='show a simulated leg with errors, its cameras and its calibration until Ctrl-C',
     )
+    help_text = 'the distribution of ROS 2; default: the sourced one, else jazzy'
+    parser.add_argument('--ros', choices=DISTRIBUTIONS, default='', help=help_text)
     options = parser.parse_args(arguments)
     if options.walk:
-        return _view('demo --walk')
+        return _view('demo --walk', options.ros)
     if options.calibrate:
-        return _view('demo --calibrate')
+        return _view('demo --calibrate', options.ros)
     if options.view:
-        return _view('demo')
+        return _view('demo', options.ros)
     recording = ROOT / 'runs' / f'demo-{datetime.now(timezone.utc):%Y%m%dT%H%M%S.%fZ}'
     with (
-        environment('demo') as env,
+        environment('demo', options.ros) as env,
         tempfile.TemporaryDirectory(prefix='klann_ros-') as work,
         own_world(Path(work)) as world,
     ):
@@ -107,11 +109,11 @@ Review it again:   {review} {quote(run_path)}""")
     return 0
 
 
-def _view(show: str) -> int:
+def _view(show: str, ros: str) -> int:
     """Show a moving leg or walker in a browser; return 0 after Ctrl-C."""
     title, arguments = SHOWS[show]
     with (
-        environment(show if show in NEEDS else 'demo') as env,
+        environment(show if show in NEEDS else 'demo', ros) as env,
         tempfile.TemporaryDirectory(prefix='klann_ros-') as work,
         own_world(Path(work)) as world,
         ExitStack() as stack,

@@ -28,8 +28,11 @@ NEEDS = {
     'demo': ('plot,sim,view', None),
     'demo --calibrate': ('calibration,sim,view', None),
     'test': ('fast,plot,test', Path(__file__).with_name('checks.txt')),
+    'test --ros': ('fast,plot,test', None),
     'benchmark': ('design,fast,plot,sim,view', Path(__file__).with_name('benchmarks.txt')),
 }
+# The distributions of ROS 2 that have wheels, and the extra of setup.py with these.
+DISTRIBUTIONS = {'jazzy': 'ros', 'kilted': 'ros-kilted'}
 # 70.1: the first that makes wheels by itself; colcon-core wants one below 80.
 BUILD = 'setuptools>=70.1,<80'
 # For a Python with a venv module without pip, such as Debian's.
@@ -38,7 +41,7 @@ PIP = (
     '1523c9de23ff7bf068/pip-25.3-py3-none-any.whl'
 )
 PIP_SHA256 = '9655943313a94722b7774661c21049070f6bbb0a1516bf02f7c8d5d9201514cd'
-NEEDED = 'a network, and Python 3.10 to 3.14 on x86-64 Linux or a sourced ROS 2 Jazzy'
+NEEDED = 'a network, and Python 3.10 to 3.14 on x86-64 Linux or a sourced ROS 2'
 STAMP = 'klann_ros.txt'
 # The output of pip, for the progress.
 PIP_LOG = 'pip.txt'
@@ -57,11 +60,12 @@ class PipError(CommandError):
 
 @dataclass(frozen=True)
 class Environment:
-    """An environment: its folder, pip's constraints, and the NumPy of a sourced ROS."""
+    """An environment: its folder, pip's constraints, the NumPy of a sourced ROS, and which ROS."""
 
     folder: Path
     constraints: str
     numpy: str
+    ros: str = 'jazzy'
 
     @property
     def python(self) -> Path:
@@ -94,21 +98,24 @@ class Environment:
 
 
 @contextmanager
-def environment(command: str) -> Iterator[Environment]:
+def environment(command: str, ros: str = '') -> Iterator[Environment]:
     """
     Make the environment of `command` if needed, and lock it while in use.
 
-    What running programs use is not changed: where it lacks something, a spare one is made.
+    Without a name of a distribution, `ros` is the sourced one, else Jazzy. What running programs
+    use is not changed: where it lacks something, a spare one is made.
     """
     names = os.environ.get('PIP_CONSTRAINT', '').split()
     constraints = '\n'.join(Path(name).read_text(encoding='utf-8') for name in names)
-    numpy = _numpy_of_sourced_ros()
-    folder = f'.venv-{VERSION}' + ('-ros' if numpy else '')
+    sourced = os.environ.get('ROS_DISTRO', '')
+    ros = ros or (sourced if sourced in DISTRIBUTIONS else 'jazzy')
+    numpy = _numpy_of_sourced_ros(ros)
+    folder = f'.venv-{VERSION}' + ('' if ros == 'jazzy' else f'-{ros}') + ('-ros' if numpy else '')
     if constraints:
         folder += '-' + hashlib.sha256(constraints.encode()).hexdigest()[:6]
     for number in count(1):
         suffix = f'-{number}' if number > 1 else ''
-        env = Environment(source.ROOT / f'{folder}{suffix}', constraints, numpy)
+        env = Environment(source.ROOT / f'{folder}{suffix}', constraints, numpy, ros)
         env.folder.mkdir(exist_ok=True)
         # Users share a lock on the folder; the maker holds it exclusively.
         lock = os.open(env.folder, os.O_RDONLY)
@@ -186,13 +193,13 @@ class Progress:
             print(f'... {now - self._begin:.0f} s  {" ".join(step.split())[:70]}')
 
 
-def _numpy_of_sourced_ros() -> str:
-    """Return the NumPy that goes with the ROS 2 of this shell; '' if there is no such ROS."""
+def _numpy_of_sourced_ros(ros: str) -> str:
+    """Return the NumPy that goes with this ROS 2 where the shell has it; else ''."""
     distro = os.environ.get('ROS_DISTRO')
     if not distro:
         return ''
-    reason = 'klann_ros needs jazzy'
-    if distro == 'jazzy':
+    reason = f'this needs {ros}'
+    if distro == ros:
         probe = [sys.executable, '-c', 'import rclpy, numpy; print(numpy.__version__)']
         answer = subprocess.run(probe, capture_output=True, check=False, text=True)
         if answer.returncode == 0:
@@ -225,7 +232,7 @@ def _installed(env: Environment) -> set[str]:
 
 def _make_environment(env: Environment, command: str) -> None:
     begin = time.monotonic()
-    kind = 'the sourced ROS 2' if env.numpy else 'ROS 2 from wheels'
+    kind = f'{"the sourced" if env.numpy else "wheels of"} ROS 2 {env.ros.title()}'
     print(
         f'Installing klann_ros and what scripts/{command} needs into {env.folder.name} '
         f'(Python {platform.python_version()}, {kind}) ...'
@@ -277,7 +284,7 @@ def _install(env: Environment, command: str, is_made: bool) -> None:
         (work / 'constraints.txt').write_text(env.constraints + numpy, encoding='utf-8')
         source.copy(work / 'source')
         extras, requirements = NEEDS[command]
-        packages = [f'{work}/source[{extras}{"" if env.numpy else ",ros"}]']
+        packages = [f'{work}/source[{extras}{"" if env.numpy else f",{DISTRIBUTIONS[env.ros]}"}]']
         if requirements:
             packages += ['--requirement', str(requirements)]
         options = ['--no-build-isolation', '--constraint', work / 'constraints.txt']

@@ -10,7 +10,9 @@ import subprocess
 import sys
 import time
 
+import checks
 from domain import own_domain
+import environment
 from environment import Environment, STAMP, VERSION
 import pytest
 import source
@@ -139,6 +141,37 @@ def test_a_set_up_that_fails_leaves_no_broken_environment(tmp_path: Path, was_ma
         assert {*(folder / STAMP).read_text().splitlines()} == {*stamp.splitlines()}
     else:
         assert [*folder.iterdir()] == []
+
+
+def test_a_distribution_of_ros_has_an_environment_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(source, 'ROOT', tmp_path)
+    monkeypatch.setattr(environment, '_is_provided', lambda *_: True)
+    monkeypatch.delenv('PIP_CONSTRAINT', raising=False)
+    folders = {}
+    for sourced, ros in (('', ''), ('', 'kilted'), ('kilted', ''), ('kilted', 'jazzy')):
+        monkeypatch.setenv('ROS_DISTRO', sourced)
+        with environment.environment('demo', ros) as env:
+            folders[sourced, ros] = env.folder.name.removesuffix('-ros')
+    jazzy = f'.venv-{VERSION}'
+    assert [*folders.values()] == [jazzy, f'{jazzy}-kilted', f'{jazzy}-kilted', jazzy]
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'reason'),
+    [
+        (['--ros', 'kilted', 'ruff'], '--ros runs pytest alone'),
+        (['--ros', 'humble'], 'jazzy'),
+    ],
+)
+def test_other_checks_and_distributions_without_wheels_are_refused(
+    arguments: list[str], reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        checks.main(arguments)
+    assert ended.value.code == 2
+    assert reason in capsys.readouterr().err
 
 
 USES_AN_ENVIRONMENT = """
