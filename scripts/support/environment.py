@@ -10,6 +10,7 @@ from itertools import count
 import os
 from pathlib import Path
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -42,6 +43,10 @@ PIP = (
 )
 PIP_SHA256 = '9655943313a94722b7774661c21049070f6bbb0a1516bf02f7c8d5d9201514cd'
 NEEDED = 'a network, and Python 3.10 to 3.14 on x86-64 Linux or a sourced ROS 2'
+# Versions and hashes for CI, on the system of the wheels; see lock.py.
+LOCK = Path(__file__).with_name('lock.txt')
+LOCKED_SYSTEM = ('Linux', 'x86_64')
+LOCKED_BUILD = re.compile(r'^(?:pip|setuptools)==.*(?:\n    .*)*', re.MULTILINE)
 STAMP = 'klann_ros.txt'
 # The output of pip, for the progress.
 PIP_LOG = 'pip.txt'
@@ -71,6 +76,13 @@ class Environment:
     def python(self) -> Path:
         """Return the interpreter."""
         return self.folder / 'bin' / 'python'
+
+    @property
+    def is_locked(self) -> bool:
+        """Return whether it gets the versions of the lock file, as in CI."""
+        is_standard = self.ros == 'jazzy' and not self.numpy and not self.constraints
+        system = (platform.system(), platform.machine())
+        return is_standard and system == LOCKED_SYSTEM and os.environ.get('CI') == 'true'
 
     @property
     def variables(self) -> dict[str, str]:
@@ -213,6 +225,8 @@ def _stamp_lines(env: Environment, command: str) -> tuple[str, str, str]:
     """Return the stamp's lines of a complete environment: its Python, sources and packages."""
     extras, requirements = NEEDS[command]
     packages = requirements.read_text('utf-8') if requirements else ''
+    if env.is_locked:
+        packages = LOCK.read_text('utf-8')
     inputs = [env.constraints, env.numpy, extras, packages]
     installed = hashlib.sha256('\0'.join(inputs).encode()).hexdigest()
     python_line = f'{env.folder} {Path(sys.executable).resolve()}'
@@ -278,16 +292,25 @@ def _install(env: Environment, command: str, is_made: bool) -> None:
         if not is_made:
             _make_venv(progress, work)
             # Today's pip takes a quarter of the time of one that is two years old.
-            _run(progress, [*pip, '--upgrade', 'pip', BUILD])
+            build_packages = ['pip', BUILD]
+            if env.is_locked:
+                lines = LOCKED_BUILD.findall(LOCK.read_text('utf-8'))
+                (work / 'build.txt').write_text('\n'.join(lines), encoding='utf-8')
+                build_packages = ['--require-hashes', '--requirement', f'{work}/build.txt']
+            _run(progress, [*pip, '--upgrade', *build_packages])
         # The message types of a sourced ROS were compiled for its very NumPy.
         numpy = f'\nnumpy=={env.numpy}' if env.numpy else ''
         (work / 'constraints.txt').write_text(env.constraints + numpy, encoding='utf-8')
         source.copy(work / 'source')
+        options = ['--no-build-isolation', '--constraint', work / 'constraints.txt']
         extras, requirements = NEEDS[command]
+        if env.is_locked and command == 'test':
+            _run(progress, [*pip, *options, '--require-hashes', '--requirement', LOCK])
+            _run(progress, [*pip, *options, '--no-deps', work / 'source'])
+            return
         packages = [f'{work}/source[{extras}{"" if env.numpy else f",{DISTRIBUTIONS[env.ros]}"}]']
         if requirements:
             packages += ['--requirement', str(requirements)]
-        options = ['--no-build-isolation', '--constraint', work / 'constraints.txt']
         _run(progress, [*pip, *options, *packages])
 
 

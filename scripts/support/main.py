@@ -1,5 +1,5 @@
 """
-Run one of the commands: main.py demo | test | fuzz | benchmark | wheel [ARGUMENT ...].
+Run one of the commands: main.py demo | test | fuzz | benchmark | lock | wheel [ARGUMENT ...].
 
 Standard library only: it runs in the Python that start.sh chose, before there is an environment.
 """
@@ -12,7 +12,7 @@ from processes import CommandError, listen
 # Loaded after the handler of Ctrl-C is installed.
 COMMANDS = {'demo': 'demo:main', 'test': 'checks:main'}
 COMMANDS |= {'fuzz': 'measuring:fuzz', 'benchmark': 'measuring:benchmark'}
-COMMANDS |= {'wheel': 'wheel:main'}
+COMMANDS |= {'lock': 'lock:main', 'wheel': 'wheel:main'}
 
 if __name__ == '__main__':
     listen()

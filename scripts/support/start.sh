@@ -1,5 +1,5 @@
 #!/bin/sh
-# Choose the Python for a command (demo, test, fuzz, benchmark or wheel) and hand over to main.py.
+# Choose the Python for a command (demo, test, fuzz, benchmark, lock or wheel) and hand over to main.py.
 python=${PYTHON:-python3}
 
 fail() {

@@ -3,12 +3,18 @@
 import ast
 from pathlib import Path
 import re
+import runpy
 import sys
+from typing import Any
 
 from catkin_pkg.changelog import Changelog, populate_changelog_from_rst
 from catkin_pkg.package import Package, parse_package
+from environment import BUILD, LOCK, NEEDS
 import klann_ros
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 import pytest
+import setuptools
 
 ROOT = Path(__file__).resolve().parents[2]
 # The distribution and the rosdep key of a module; no key: mcap-ros2-support brings it by rosdep,
@@ -52,6 +58,31 @@ def imported() -> set[str]:
             elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
                 names.add(node.module.partition('.')[0])
     return names - sys.stdlib_module_names - {'klann_ros', 'typing_extensions'}
+
+
+def requirement_lines(path: Path) -> list[str]:
+    """Return the lines of a requirements file and of those that it includes."""
+    lines = []
+    for line in path.read_text(encoding='utf-8').splitlines():
+        if line.startswith('-r '):
+            lines += requirement_lines(path.parent / line.removeprefix('-r '))
+        elif not line.startswith(('#', ' ')):
+            lines.append(line.split(' #')[0].rstrip(' \\'))
+    return list(filter(None, lines))
+
+
+@pytest.fixture
+def required_packages(monkeypatch: pytest.MonkeyPatch) -> list[Requirement]:
+    """Return what scripts/test installs: requirements and extras of setup.py, and its file."""
+    arguments: dict[str, Any] = {}
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(setuptools, 'setup', arguments.update)
+    runpy.run_path('setup.py')
+    extras, file = NEEDS['test']
+    lines = [*arguments['install_requires'], 'pip', BUILD, *requirement_lines(file)]
+    for extra in (*extras.split(','), 'ros'):
+        lines += arguments['extras_require'][extra]
+    return list(map(Requirement, lines))
 
 
 @pytest.fixture
@@ -112,3 +143,18 @@ def test_the_launchers_are_the_entry_points() -> None:
     launchers = list((ROOT / 'scripts' / 'launchers').iterdir())
     assert sorted(path.name for path in launchers) == sorted(named)
     assert all(path.stat().st_mode & 0o111 for path in launchers)
+
+
+@pytest.mark.parametrize('minor', range(10, 15))
+def test_the_lock_of_ci_has_one_version_of_each_requirement_for_each_python(
+    minor: int, required_packages: list[Requirement]
+) -> None:
+    python = {'python_version': f'3.{minor}', 'python_full_version': f'3.{minor}.20'}
+    locked: dict[str, list[str]] = {}
+    for pin in map(Requirement, requirement_lines(LOCK)):
+        if pin.marker is None or pin.marker.evaluate(python):
+            locked.setdefault(canonicalize_name(pin.name), []).append(str(pin.specifier)[2:])
+    assert {name: pins for name, pins in locked.items() if len(pins) > 1} == {}
+    for requirement in required_packages:
+        pins = locked.get(canonicalize_name(requirement.name), [])
+        assert len([*requirement.specifier.filter(pins)]) == 1, f'{requirement}: scripts/lock'
