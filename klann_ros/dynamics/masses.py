@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from klann_ros.kinematics import (
     as_linkage,
+    bodies_of,
     body_points,
     FIXED,
     GROUND,
@@ -263,7 +264,7 @@ def masses_from_text(
     metre = LENGTH_UNITS[settings.get('units', {}).get('length', 'm')]
     tension = tuple(_spring(spring, linkage, metre) for spring in settings.get('springs', ()))
     torsion = tuple(_torsion_springs(settings, linkage))
-    bodies = settings['bodies']
+    bodies = bodies_of(settings)
     missing = [angle for angle in linkage.joint_names if 'mass' not in bodies[angle]]
     body_masses = tuple(_body(bodies[angle], metre) for angle in linkage.joint_names)
     has_parts = 'material' in settings.get('parts', ())

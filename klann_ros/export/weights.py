@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from klann_ros.dynamics import BodyMass
 from klann_ros.kinematics import (
+    bodies_of,
     content_with_numbers,
     is_linkage,
     LENGTH_UNITS,
@@ -165,10 +166,11 @@ def _weighed_linkage(placed: PlacedLeg, settings: Mapping[str, Any]) -> str:
     of_pins = f', pins of {pins.name}' if pins is not material else ''
     material_text = f'{material.name}, {1e3 * sizes["thickness"]:g} mm{filled}{of_pins}'
     content['mass_source'] = f'parts of {material_text}, by export'
+    bodies = bodies_of(content)
     for j, name in enumerate(leg.linkage.structure.angles):
         mass = masses.get(j, BodyMass())
         centre = mass.centre.real, mass.centre.imag
-        content['bodies'][name] |= {
+        bodies[name] |= {
             'mass': float(f'{mass.mass:.9g}'),
             'centre': [round(length / metre, NUMBER_DIGITS) + 0.0 for length in centre],
             'inertia': float(f'{mass.inertia:.9g}'),

@@ -40,8 +40,8 @@ Other packages of klann_ros use these as well; they may change with any version.
 Constants              `BENDS`, `JOINTS`, `LENGTHS`, `NUMBERS`, `PRESETS` of the Klann
                        leg; `FIXED`, `GROUND`, `GROUND_BAND`; `COLOURS`, `colour_of`
 Files                  `LENGTH_UNITS`, `NUMBER_DIGITS`, `SHIPPED`, `is_linkage`,
-                       `linkage_text`, `content_with_numbers`, `schema_error`,
-                       `structure_of`
+                       `linkage_text`, `content_with_numbers`, `bodies_of`,
+                       `schema_error`, `structure_of`
 Structure              `as_linkage`, `Structure`, `Bar`, `body_points`, `moved_numbers`
 Motion of bodies       `body_vectors`, `solve_rates`, `vector_velocity`,
                        `velocity_product`, `cross`, `SAME_ANGLE`, `ChangePoint`
@@ -128,6 +128,7 @@ if TYPE_CHECKING:
     from .linkage.joints import body_vectors, solve_rates, vector_velocity, velocity_product
     from .linkage.leg import AnyLeg, Leg, LinkageLeg
     from .linkage.linkage import as_linkage, Linkage
+    from .linkage.points import bodies_of
     from .linkage.pose import LinkageMotion, LinkagePose
     from .linkage.reach import crank_limits, path_arcs, reachable_arcs
     from .linkage.structure import Bar, FIXED, GROUND, Structure

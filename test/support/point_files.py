@@ -10,7 +10,7 @@ def point_file(pose: LinkagePose, *, directions: bool = False, digits: int = 17)
     """Return the file of a pose's linkage by its points; the directions of lines if asked for."""
     linkage = pose.linkage
     structure = linkage.structure
-    bodies: dict[str, Any] = {}
+    links: dict[str, Any] = {}
     for body in structure.bodies:
         content: dict[str, Any] = {'clockwise': body.clockwise}
         if body.line:
@@ -24,15 +24,16 @@ def point_file(pose: LinkagePose, *, directions: bool = False, digits: int = 17)
                 )
         if len(body.points) > 1 or not body.slides:
             content['points'] = [*body.points]
-        bodies[body.angle] = content
+        # A list has the points alone.
+        links[body.angle] = content if body.slides or body.clockwise else [*body.points]
     return json.dumps(
         {
             'name': linkage.name,
             'points': dict(zip(structure.points, pose.points.round(digits).tolist(), strict=True)),
-            'pivots': [*structure.pivots],
+            'ground': [*structure.pivots],
             'crank': structure.crank.angle,
             'foot': structure.foot,
-            'bodies': bodies,
+            'links': links,
             'at_change_points': linkage.at_change_points,
         }
     )

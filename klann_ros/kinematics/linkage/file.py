@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache
-from itertools import chain, islice
+from itertools import chain, islice, product
 import json
 from math import radians
 from pathlib import Path
@@ -25,7 +25,7 @@ from .reach import closes_somewhere
 from .structure import Bar, Body, Brace, Structure
 
 # The keys of a linkage, and of no parameter file.
-_KEYS = {'pivots', 'bodies', 'crank', 'foot'}
+_KEYS = {'pivots', 'bodies', 'crank', 'foot', 'links'}
 LENGTH_UNITS = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}
 NUMBER_DIGITS = 9
 """Digits behind the point of written numbers, in their own units."""
@@ -335,25 +335,24 @@ def _linkage_from_pose(
     that the points are in another assembly.
     """
     u = plain.vectors(start[0], start[1:])
-    sines = [float(block.sine(u)) for block in plain.blocks]
-    singular = [abs(sine) <= MIN_POSE_SINE for sine in sines]
-    if not any(singular):
+    choices: list[tuple[int, ...]] = []
+    singular = []
+    for block, group in zip(plain.blocks, plain.structure.groups, strict=True):
+        sine = float(block.sine(u))
+        choices.append((1 if sine > 0.0 else -1,))
+        if abs(sine) <= MIN_POSE_SINE:
+            choices[-1] = 1, -1
+            singular.append(' and '.join(plain.structure.angles[j] for j in group))
+    if not singular:
         return _linkage_from_start(plain, start, signs, in_degrees=True)
-    group = plain.structure.groups[singular.index(True)]
-    names = ' and '.join(plain.structure.angles[j] for j in group)
-    reason = f'the points are at a dead point of {names}, from which two motions go on'
-    if not plain.is_dyadic:
-        raise GeometryError(f'{reason}: give the points of another pose')
-    stated = [*(signs or ())]
-    modes = []
-    for mode in possible_assemblies(plain):
-        pairs = zip(mode, sines, singular, strict=True)
-        if all(is_singular or sign * sine > 0.0 for sign, sine, is_singular in pairs):
-            modes.append([*mode])
-    if stated not in modes:
-        possible = ' or '.join(map(str, modes[:MAX_NAMED]))
-        raise GeometryError(f'{reason}: state one of them by assembly: {possible}')
-    return plain.in_assembly(stated, start[0])
+    modes = [[*mode] for mode in product(*choices)]
+    if plain.is_dyadic and signs in modes:
+        return plain.in_assembly(signs, start[0])
+    possible = ' or '.join(map(str, modes[:MAX_NAMED])) if plain.is_dyadic else ''
+    advice = f'state one of them by assembly: {possible}' if possible else 'give another pose'
+    raise GeometryError(
+        f'the points are at a dead point of {singular[0]}, from which two motions go on: {advice}'
+    )
 
 
 def _linkage_from_start(
@@ -446,7 +445,8 @@ def schema_error(content: Any, package: str = __package__) -> str:
     """
     schema = _schema(package)
     if content is None:
-        return f'it is empty: it must have {", ".join([*schema["required"], "start"])}'
+        keys = [*schema['required'], *schema.get('else', {}).get('required', ()), 'start']
+        return f'it is empty: it must have {", ".join(keys)}'
     # jsonschema takes longer to load than everything else of the kinematics.
     from jsonschema import Draft202012Validator  # noqa: PLC0415
     from jsonschema.exceptions import best_match  # noqa: PLC0415

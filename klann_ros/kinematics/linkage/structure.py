@@ -374,12 +374,12 @@ class Structure:
         bodies = {body.angle: body for body in self.bodies}
         there_are = ', '.join([GROUND, *bodies])
         for body in self.bodies:
+            _require(body.angle != GROUND, f'a body cannot be called {GROUND}')
             if not body.slides:
                 continue
             along = body.along
             text = f'{body.angle} slides along {along}'
             seen = {body.angle}
-            _require(body.angle != GROUND, f'a body cannot be called {GROUND}')
             _require(along == GROUND or along in bodies, f'{text}, which is no body: {there_are}')
             points = self.pivots if along == GROUND else bodies[along].points
             start = body.bars[0].start

@@ -109,8 +109,8 @@ def edited(text: str, *changes: tuple[str, str]) -> str:
 
 def test_the_order_of_points_decides_on_nothing_but_angles() -> None:
     pose = LinkageLeg(linkage_from_text(FOUR_BAR, 'four-bar')).solve(0.4)
-    turned = edited(FOUR_BAR, ('[A, B]}', '[B, A]}'), ('[B, C, P]', '[P, B, C]'))
-    turned = edited(turned, ('[D, C]}', '[C, D], clockwise: true}'), ('[A, D]', '[D, A]'))
+    turned = edited(FOUR_BAR, ('crank: [A, B]', 'crank: [B, A]'), ('[B, C, P]', '[P, B, C]'))
+    turned = edited(turned, ('[D, C]', '{points: [C, D], clockwise: true}'), ('[A, D]', '[D, A]'))
     other_pose = LinkageLeg(linkage_from_text(turned, 'turned')).solve(0.4)
     names = pose.linkage.structure.points
     order = [other_pose.linkage.structure.points.index(name) for name in names]

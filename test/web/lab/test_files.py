@@ -215,6 +215,6 @@ def test_every_key_of_a_linkage_file_is_read() -> None:
     )
     assert {*parse(text)['parts']} == {*SCHEMA['$defs']['parts']['properties']}
     assert linkage_from_text(text, 'all').at_change_points == 'crossed'
-    assert {*parse(text)} | {'assembly', 'points'} == {*SCHEMA['properties']}
+    assert {*parse(text)} | {'assembly', 'points', 'ground', 'links'} == {*SCHEMA['properties']}
     (answer,) = read_in_node([text], is_yaml=False)
     assert 'refused' not in answer
