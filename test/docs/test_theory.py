@@ -245,9 +245,9 @@ def test_3_iterations_return_numbers_at_unreachable_angles() -> None:
 
 
 def test_4_the_product_form_keeps_its_digits() -> None:
-    heights, naive, product = table('$h$')
+    heights = [14.1, 0.447, 0.0141, 0.000447]  # [mm]
+    naive = [7e-14, 5e-11, 6e-9, 3e-5]
     gaps = [10.0**-k for k in (3, 6, 9, 12)]
-    assert naive == [7e-14, 5e-11, 6e-9, 3e-5]
     for gap, height, naive_error in zip(gaps, heights, naive, strict=True):
         p, q, d = 0.35, 0.14, 0.49 - gap
         with localcontext() as context:
@@ -255,7 +255,7 @@ def test_4_the_product_form_keeps_its_digits() -> None:
             r, s, e = Decimal(p), Decimal(q), Decimal(d)
             exact = ((r + s - e) * (e - r + s) * (e + r - s) * (e + r + s)).sqrt() / (2 * e)
             _, y = dyad_joint((0.0, 0.0), (d, 0.0), p, q, 1)
-            assert abs(Decimal(y) / exact - 1) < Decimal(product[0])
+            assert abs(Decimal(y) / exact - 1) < Decimal(3e-16)
             a = (d * d + p * p - q * q) / (2 * d)
             error = float(abs(Decimal(math.sqrt(p * p - a * a)) / exact - 1))
         assert float(f'{1e3 * float(exact):.3g}') == height
@@ -414,7 +414,11 @@ def test_7_dead_points_and_limits() -> None:
 
 def test_7_exercises() -> None:
     lengths = (300.0, 100.0, 250.0, 200.0)
-    for degrees, row in zip((45, 60), table('45°'), strict=True):
+    rows = (
+        [239.945, 63.3035, 30.9915, 94.2950, 294.7300, 231.4265],
+        [264.575, 71.0344, 26.5278, 97.5622, 295.2590, 224.2246],
+    )
+    for degrees, row in zip((45, 60), rows, strict=True):
         pose = FourBar(*lengths).closed_form(math.radians(degrees))
         mirrored = FourBar(*lengths, -1).closed_form(math.radians(degrees))
         angles = np.degrees([pose.transmission_angle, *pose.x, *mirrored.x]) % 360.0
