@@ -255,7 +255,7 @@ def test_4_the_product_form_keeps_its_digits() -> None:
             r, s, e = Decimal(p), Decimal(q), Decimal(d)
             exact = ((r + s - e) * (e - r + s) * (e + r - s) * (e + r + s)).sqrt() / (2 * e)
             _, y = dyad_joint((0.0, 0.0), (d, 0.0), p, q, 1)
-            assert abs(Decimal(y) / exact - 1) < Decimal(3e-16)
+            assert abs(Decimal(y) / exact - 1) < Decimal('3e-16')
             a = (d * d + p * p - q * q) / (2 * d)
             error = float(abs(Decimal(math.sqrt(p * p - a * a)) / exact - 1))
         assert float(f'{1e3 * float(exact):.3g}') == height
