@@ -135,6 +135,7 @@ setup(
                 'calibrate',
                 'exercise',
                 'design',
+                'import_linkage',
             )
         ],
     },

@@ -192,3 +192,6 @@ describe = partial(_run_tool, 'describe', 'klann_ros.datasheet.command', report_
 calibrate = partial(_run_tool, 'calibrate', 'klann_ros.calibration.command', report_failed=3)
 exercise = partial(_run_tool, 'exercise', 'klann_ros.exercises.command', report_failed=3)
 design = partial(_run_tool, 'design', 'klann_ros.design.command', report_failed=3)
+import_linkage = partial(
+    _run_tool, 'import_linkage', 'klann_ros.importing.command', report_failed=3
+)

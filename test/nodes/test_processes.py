@@ -33,7 +33,7 @@ EXECUTABLES = [
         'describe',
         'calibrate',
     ),
-    *('exercise', 'design'),
+    *('exercise', 'design', 'import_linkage'),
 ]
 
 

@@ -24,6 +24,7 @@ NODES = {
 }  # fmt: skip
 EXECUTABLES = {
     *NODES, 'review', 'recover', 'export', 'describe', 'calibrate', 'exercise', 'design',
+    'import_linkage',
 }  # fmt: skip
 
 # The root at a crank angle of 60 deg: gamma, beta, delta, theta [deg], and H [m].

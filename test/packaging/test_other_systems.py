@@ -51,6 +51,7 @@ COMMANDS = {
         '--junit',
         'j.xml',
     ): 1,
+    ('import_linkage', 'A,0,0,ground a\nB,1,3,a b\nC,7,6,b c\nD,9,0,c ground', '-o', 'f.yaml'): 0,
     ('recover', 'runs/cut', '-o', 'recovered'): 0,
     ('review', 'recovered', '--json', 'recovered.json'): 0,
     ('lab',): 0,

@@ -55,6 +55,7 @@ ALLOWED = {
     'exercises': {
         *('cli', 'lazy_face', 'sanitize', 'kinematics', 'synthesis', 'plotting', 'web'),
     },
+    'importing': {'cli', 'sanitize', 'kinematics'},
     'design': {
         *('cli', 'sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'gait', 'web'),
         *('datasheet', 'export'),

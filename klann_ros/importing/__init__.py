@@ -1,0 +1,1 @@
+"""Linkages of other programs: joints by coordinates, and the linkage file that they make."""

@@ -1,0 +1,151 @@
+"""The command import_linkage: its inputs, its output, and its refusals."""
+
+from io import BytesIO, TextIOWrapper
+from pathlib import Path
+import sys
+from typing import Any
+
+from klann_ros.importing.command import main
+from klann_ros.kinematics import linkage_from_file, LinkageLeg
+import pytest
+from yaml_tables import read_table
+
+REFUSED = read_table(Path(__file__).with_name('refused.yaml'))
+# A four-bar with a point on its coupler, its ground in the second column of links.
+FOUR_BAR = """\
+A,0,0,ground crank
+B,10,30,crank coupler
+C,70,60,coupler rocker
+D,90,0,rocker ground
+E,30,70,coupler
+"""
+# Templates of PMKS+, component/MODALS/templates in PMKS-Web/PMKSWeb (MIT), its lengths in cm.
+PMKS_PLUS = {
+    'slider_crank': '0P.TY.K,0.101.MA,A,0mA,0c,0.GB,B,0Yt,bK,0.GC,C,il,H-,0.LD,D,il,H-,0..YRAB,AB,'
+    'Fe,Fe,0fW,IN,c5cae9,A,B,,.YRBC,BC,Fe,Fe,4y,Rf,303e9f,B,C,,.YPCD,CD,Fe,0,0,0,,C,D,,...JAe',
+    'watt_ii': '0P.TY.K,0.101.MA,A,0Vf,0Vd,0.GB,B,0mZ,08A,0.GC,C,06Y,LC,0.GD,D,1MR,J2,0.KE,E,rw,'
+    '0j2,0.GF,F,2ic,ID,0.KG,G,2lk,0Zt,0..YRAB,AB,Fe,Fe,0e6,0Ju,c5cae9,A,B,,.YRBC,BC,Fe,Fe,0RY,6X,'
+    '303e9f,B,C,,.YRCDE,CDE,Fe,Fe,ic,01d,0d125a,C,D,E,,.YRDF,DF,Fe,Fe,21X,Id,B2DFDB,D,F,,.YRFG,FG,'
+    'Fe,Fe,2kA,08r,26A69A,F,G,,...JBm',
+}
+
+
+@pytest.mark.parametrize('entry', REFUSED, ids=lambda entry: entry['says'][:40])
+def test_a_text_without_a_linkage_is_refused_in_one_line(
+    entry: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / 'file'
+    file.write_text(entry['text'])
+    assert main([str(file)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ''
+    assert err.count('\n') == 1
+    assert entry['says'] in err
+
+
+def test_a_file_becomes_a_linkage_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / 'bar.csv').write_text(FOUR_BAR)
+    output = tmp_path / 'bar.yaml'
+    assert main([str(tmp_path / 'bar.csv'), '-o', str(output), '--unit', 'in']) == 0
+    linkage = linkage_from_file(output)
+    assert linkage.name == 'bar'
+    assert linkage.pivots[1] == pytest.approx(90 * 25.4e-3)
+    assert linkage.structure.foot == 'E'
+    out, err = capsys.readouterr()
+    assert out == f'written: {output}\n'
+    assert 'crank crank, foot E' in err
+
+
+def test_a_text_and_the_standard_input_are_read(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([FOUR_BAR, '--name', 'bar']) == 0
+    text = capsys.readouterr().out
+    monkeypatch.setattr(sys, 'stdin', TextIOWrapper(BytesIO(FOUR_BAR.encode())))
+    assert main(['-', '--name', 'bar']) == 0
+    assert capsys.readouterr().out == text.replace('the text', 'the standard input')
+
+
+def test_crank_and_foot_are_chosen_by_their_names_in_the_text(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = FOUR_BAR.replace('rocker', 'Hebel-2').replace('C,', 'ö 1,')
+    output = tmp_path / 'bar.yaml'
+    assert main([text, '-o', str(output), '--crank', 'Hebel']) == 2
+    assert 'there are crank, Hebel_2; did you mean Hebel_2?' in capsys.readouterr().err
+    assert main([text, '-o', str(output), '--crank', 'Hebel-2', '--foot', 'ö 1']) == 0
+    structure = linkage_from_file(output).structure
+    assert structure.crank.angle == 'Hebel_2'
+    assert structure.foot == 'o_1'
+
+
+def test_names_of_a_stranger_become_valid_names(capsys: pytest.CaptureFixture[str]) -> None:
+    hostile = FOUR_BAR.replace('A,', '\x1b[2J,').replace('B,', 'joint 1,').replace('C,', '\u202e,')
+    hostile = hostile.replace('D,', f'{"no" * 100},').replace('coupler', 'on').replace('E,', 'no,')
+    assert main([hostile, '--name', '\x1b[2J']) == 0
+    out, err = capsys.readouterr()
+    assert (out + err).replace('\n', '').isprintable()
+    assert '  on_2: [joint_1, P, no_2]' in out
+    assert f'ground: [P2J, {"no" * 25}]' in out
+
+
+def test_links_that_share_two_pins_are_one(capsys: pytest.CaptureFixture[str]) -> None:
+    text = FOUR_BAR.replace('ground crank', 'ground frame1 crank').replace(
+        'rocker ground', 'rocker ground frame1'
+    )
+    text = text.replace('C,70,60,coupler', 'C,70,60,coupler plate').replace(
+        'E,30,70,coupler', 'E,30,70,coupler plate'
+    )
+    assert main([text]) == 0
+    assert 'links:\n  crank: [A, B]\n  coupler: [B, C, E]\n  rocker: [C, D]\n' in (
+        capsys.readouterr().out
+    )
+
+
+@pytest.mark.parametrize('name', PMKS_PLUS)
+def test_a_url_of_pmks_plus_becomes_a_linkage_that_turns(name: str, tmp_path: Path) -> None:
+    output = tmp_path / 'leg.yaml'
+    assert main([f'https://app.pmksplus.com/?{PMKS_PLUS[name]}', '-o', str(output)]) == 0
+    leg = LinkageLeg(linkage_from_file(output))
+    assert leg.linkage.structure.crank.angle == 'AB'
+    assert len(leg.reachable_arcs()) == 1
+
+
+def test_a_missing_file_a_folder_and_too_much_text_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    long_file = tmp_path / 'long'
+    long_file.write_text('x' * 1_000_001)
+    binary = tmp_path / 'binary'
+    binary.write_bytes(b'\xff\xfe\x00')
+    sources: dict[Any, str] = {
+        'no.csv': 'No such file',
+        tmp_path: 'a folder',
+        long_file: 'longer than 1000000 bytes',
+        binary: 'no UTF-8 text',
+    }
+    for source, reason in sources.items():
+        assert main([str(source)]) == 2
+        assert reason in capsys.readouterr().err
+
+
+def test_the_source_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / 'bar.csv'
+    file.write_text(FOUR_BAR)
+    assert main([str(file), '-o', str(file)]) == 3
+    assert 'only read' in capsys.readouterr().err
+    assert file.read_text() == FOUR_BAR
+
+
+@pytest.mark.parametrize(
+    'text',
+    ['[' * 900_000, 'M[' * 400_000, '#[\n' * 300_000 + 'M[', '<linkage2>' + '<a>' * 200_000],
+    ids=['brackets', 'expressions', 'comments', 'elements'],
+)
+def test_deep_nesting_is_refused(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / 'file'
+    file.write_text(text)
+    assert main([str(file)]) == 2
+    assert len(capsys.readouterr().err) < 500
