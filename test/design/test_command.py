@@ -32,10 +32,10 @@ module._proven_legs = prove_and_stop
 sys.exit(design())
 """
 REQUIREMENTS = """\
-linkage: klann
+linkage: four_bar
 vary: 10
 figures: {stride: maximize, lift: maximize, transmission_angle: {at_least: 0.3}}
-count: 3
+count: 2
 """
 OPTIONS = ['requirements.yaml', '-o', 'out', '--evaluations', '480']
 

@@ -86,14 +86,14 @@ def test_the_names_and_the_order_of_links_do_not_count() -> None:
     [
         {'linkage': 'four_bar', 'figures': {'transmission_angle': 'maximize'}, 'vary': 10},
         {'linkage': 'slider_crank', 'vary': 3, 'figures': {'stride': {'near': 0.1}}},
-        {'linkage': 'klann', 'scale': [0.5, 2], 'figures': {'width': 'minimize'}},
+        {'linkage': 'hoecken', 'scale': [0.5, 2], 'figures': {'width': 'minimize'}},
         {'linkage': 'klann', 'figures': {'lift': 'maximize', 'stride': 'maximize'}},
     ],
 )  # fmt: skip
 def test_no_search_returns_a_leg_twice(content: Mapping[str, object]) -> None:
-    requirements = requirements_from({**content, 'count': 5})
-    search_result = search(requirements, evaluations=960)
-    resumed = search(requirements, evaluations=1440, state=search_result.state)
+    requirements = requirements_from({**content, 'count': 3})
+    search_result = search(requirements, evaluations=480)
+    resumed = search(requirements, evaluations=720, state=search_result.state)
     for design in (search_result, resumed):
         legs = design.legs
         assert legs

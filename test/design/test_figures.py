@@ -17,7 +17,7 @@ LOAD = 5.0
 OF_TASKS = {name for name, kind in FIGURES.items() if kind.needs not in {'', 'load', 'motor'}}
 
 
-@pytest.mark.parametrize('name', ['klann', 'jansen', 'strider', 'trotbot', 'chebyshev_lambda'])
+@pytest.mark.parametrize('name', ['klann', 'jansen', 'chebyshev_lambda'])
 def test_figures_in_bulk_are_those_of_the_data_sheet(name: str) -> None:
     legs = variants(name, 0.03, 12)
     judged = judge(legs, frozenset(FIGURES), LOAD)
@@ -82,7 +82,7 @@ def figures_of(linkage: Linkage, speed: float = 6.0) -> dict[str, float]:
     return {**sheet_figures(sheet, linkage), **figures}
 
 
-@pytest.fixture(scope='module', params=['klann', 'hoecken', 'chebyshev_lambda'])
+@pytest.fixture(scope='module', params=['klann', 'hoecken'])
 def reference(request: pytest.FixtureRequest) -> tuple[Linkage, dict[str, float]]:
     linkage = shipped_linkage(request.param)
     figures = figures_of(linkage)
@@ -91,7 +91,7 @@ def reference(request: pytest.FixtureRequest) -> tuple[Linkage, dict[str, float]
     return linkage, figures
 
 
-@settings(max_examples=4, deadline=None, phases=[Phase.explicit, Phase.generate])
+@settings(max_examples=3, phases=[Phase.explicit, Phase.generate])
 @given(st.sampled_from([0.01, 1.0, 30.0]), st.integers(-3, 3), st.integers(-3, 3), st.booleans())
 def test_a_figure_depends_on_no_origin_unit_or_side(
     reference: tuple[Linkage, dict[str, float]], scale: float, x: int, y: int, is_mirrored: bool

@@ -74,12 +74,12 @@ def test_the_six_bars_are_watts_and_stephensons() -> None:
     assert kinds == {True, False}
 
 
-@pytest.mark.parametrize('sliders', [False, True])
-def test_candidates_close_where_they_are_drawn(*, sliders: bool) -> None:
-    grown = {'dyads': 1, 'sliders': sliders, 'crank': [0.02, 0.03]}
+def test_candidates_close_where_they_are_drawn() -> None:
+    grown = {'dyads': 1, 'sliders': True, 'crank': [0.02, 0.03]}
     requirements = requirements_from({'grow': grown})
-    for space in requirements.spaces:
-        x = space.sample(np.random.default_rng(0), 200)
+    # Every third structure: with pins only, and with sliders.
+    for space in requirements.spaces[::3]:
+        x = space.sample(np.random.default_rng(0), 150)
         variants = space.variants(x)
         assert not variants.refused.any()
         alphas = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)

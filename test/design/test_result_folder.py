@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 import json
 from pathlib import Path
 import re
+from shutil import copytree
 import signal
 import subprocess
 import sys
@@ -25,11 +26,11 @@ with opened_folder(pathlib.Path(sys.argv[1]), resume=True):
 @pytest.fixture(scope='module')
 def design() -> SearchResult:
     content = {
-        'linkage': 'klann',
+        'linkage': 'hoecken',
         'vary': 10,
         'figures': {'stride': 'maximize', 'lift': 'maximize'},
     }
-    return search(requirements_from({**content, 'walker': {}, 'count': 3}), evaluations=960)
+    return search(requirements_from({**content, 'walker': {}, 'count': 3}), evaluations=480)
 
 
 @pytest.fixture(scope='module')
@@ -39,14 +40,20 @@ def smaller_design(design: SearchResult) -> SearchResult:
     return SearchResult(requirements, design.legs[1:], (), design.state, design.seed, {})
 
 
-@pytest.fixture
-def folder(tmp_path: Path, design: SearchResult) -> Path:
-    """Return a folder with a result of three legs."""
-    with opened_folder(tmp_path / 'out', resume=False) as (result_folder, state):
+@pytest.fixture(scope='module')
+def saved_folder(tmp_path_factory: pytest.TempPathFactory, design: SearchResult) -> Path:
+    folder = tmp_path_factory.mktemp('saved') / 'out'
+    with opened_folder(folder, resume=False) as (result_folder, state):
         assert state is None
         result_folder.save_state(design.state)
         result_folder.save_result(design)
-    return tmp_path / 'out'
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path, saved_folder: Path) -> Path:
+    """Return a folder with a result of three legs."""
+    return copytree(saved_folder, tmp_path / 'out')
 
 
 def replace_result(folder: Path, search_result: SearchResult) -> tuple[list[str], list[str]]:

@@ -28,7 +28,7 @@ TOY = {
         'duty_factor': {'at_least': 0.3},
     },
     'walker': {'legs': 8},
-    'count': 6,
+    'count': 3,
 }
 
 
@@ -53,7 +53,7 @@ def test_every_leg_closes_all_round_in_one_assembly_mode(design: SearchResult) -
 
 
 def test_the_figures_are_those_of_describe(design: SearchResult, tmp_path: Path) -> None:
-    for leg in design.legs[:3]:
+    for leg in design.legs[:2]:
         file = tmp_path / 'leg.yaml'
         file.write_text(leg_text(leg.leg))
         robot = robot_from_file(file)
@@ -83,7 +83,7 @@ def test_a_walker_of_a_leg_walks_forward(design: SearchResult, tmp_path: Path) -
 
 
 def test_another_seed_gives_other_legs_and_is_not_resumed() -> None:
-    requirements = requirements_from({'linkage': 'klann', 'count': 1})
+    requirements = requirements_from({'linkage': 'four_bar', 'count': 1})
     first = search(requirements, evaluations=480, seed=0)
     second = search(requirements, evaluations=480, seed=1)
     assert first.legs[0].linkage != second.legs[0].linkage
@@ -117,7 +117,7 @@ def searched(content: Mapping[str, object]) -> SearchResult:
 
 
 @pytest.mark.parametrize('aims', [1, 2])
-@pytest.mark.parametrize('evaluations', [10, 500, 1000])
+@pytest.mark.parametrize('evaluations', [10, 500])
 def test_as_many_candidates_are_judged_as_are_allowed_and_reported(
     aims: int, evaluations: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
