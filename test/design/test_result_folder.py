@@ -1,6 +1,6 @@
 """The folder of a search: files of others stay, a crash loses nothing, one search at a time."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 import json
 from pathlib import Path
 import re
@@ -8,19 +8,42 @@ from shutil import copytree
 import signal
 import subprocess
 import sys
+from typing import Any
 
 from klann_ros.cli import OutputError, UsageError
 from klann_ros.design import requirements_from, search, SearchResult, State
+from klann_ros.design.leg_file import parameter_text
+from klann_ros.design.page import page
 from klann_ros.design.result_folder import opened_folder, ResultFolder
 import pytest
 
 HOLDER = """
 import pathlib, sys, time
+from klann_ros.design.leg_file import parameter_text
+from klann_ros.design.page import page
 from klann_ros.design.result_folder import opened_folder
 with opened_folder(pathlib.Path(sys.argv[1]), resume=True):
     print('locked', flush=True)
     time.sleep(60)
 """
+
+
+@pytest.fixture(scope='module', autouse=True)
+def walkers_drawn_once() -> Iterator[None]:
+    """Compute the parts of a walker, which take a second, for its first page only."""
+    module = sys.modules[page.__module__]
+    compute_parts = module._walker_parts
+    parts: dict[str, Any] = {}
+
+    def stored_parts(walker: Mapping[str, Any]) -> Any:
+        text = parameter_text(walker)
+        if text not in parts:
+            parts[text] = compute_parts(walker)
+        return parts[text]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, '_walker_parts', stored_parts)
+        yield
 
 
 @pytest.fixture(scope='module')
@@ -99,9 +122,9 @@ def test_what_somebody_else_wrote_stays_and_is_named(
     assert not (folder / 'leg_001_walker.yaml').exists()
     listed = json.loads((folder / 'design.json').read_text())
     assert [leg['file'] for leg in listed['legs']] == ['leg_003.yaml', 'leg_004.yaml']
-    page = (folder / 'index.html').read_text()
-    assert 'leg_003' in page
-    assert 'leg_001' not in page
+    html = (folder / 'index.html').read_text()
+    assert 'leg_003' in html
+    assert 'leg_001' not in html
 
 
 def cut_off(file: Path) -> None:
