@@ -121,6 +121,7 @@ setup(
             for name in (
                 'solver_node',
                 'crank_node',
+                'drive',
                 'walker_node',
                 'recorder_node',
                 'player_node',

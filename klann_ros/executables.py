@@ -178,6 +178,7 @@ def _drop_output() -> None:
 
 solver_node = partial(_run_node, 'solver_node')
 crank_node = partial(_run_node, 'crank_node')
+drive = partial(_run_node, 'drive')
 commission_node = partial(_run_node, 'commission_node', uses_terminal=True)
 walker_node = partial(_run_node, 'walker_node')
 recorder_node = partial(_run_node, 'recorder_node')

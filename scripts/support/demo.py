@@ -24,10 +24,7 @@ BUILT = (
     *('-p', f'built:={ROOT / "config" / "sem104_built.yaml"}'),
     *('-p', 'cameras:=true', '-p', 'camera_outliers:=0.01'),
 )
-TURNED = (
-    *('--ros-args', '-p', 'output:=crank_state', '-p', 'speed:=1.5'),
-    *('-r', 'crank_state:=crank_command'),
-)
+TURNED = ('--ros-args', '-p', 'output:=crank_command', '-p', 'speed:=1.5')
 # Writes only on a trigger by the page's button: a run of the last seconds.
 KEEP = ('-p', f'output:={ROOT / "runs"}', '-p', 'pre_trigger:=20.0', '-p', 'judge:=false')
 RECORDER = ('--ros-args', *KEEP)

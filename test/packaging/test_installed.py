@@ -23,7 +23,7 @@ NODES = {
     'sim_node', 'watchdog_node', 'commission_node',
 }  # fmt: skip
 EXECUTABLES = {
-    *NODES, 'review', 'recover', 'export', 'describe', 'calibrate', 'exercise', 'design',
+    *NODES, 'drive', 'review', 'recover', 'export', 'describe', 'calibrate', 'exercise', 'design',
     'import_linkage',
 }  # fmt: skip
 

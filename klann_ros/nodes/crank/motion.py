@@ -118,7 +118,7 @@ class ResumableMotion:
 
 
 _DEFAULT = CrankMotion()
-OUTPUTS = ('crank_angle', 'crank_state')
+OUTPUTS = ('crank_angle', 'crank_state', 'crank_command')
 MOTION = (
     Declaration('mode', _DEFAULT.mode, 'how the crank moves', choices=MODES),
     *(
@@ -135,7 +135,7 @@ CRANK_PARAMETERS = (
     Declaration('rate', 100.0, 'messages a second [Hz]', limits=(1e-3, 1e4)),
     Declaration('revolutions', 0.0, 'turns, or periods, until the node ends; 0: endless'),
     Declaration('output', 'crank_angle', 'the topic to publish', choices=OUTPUTS),
-    Declaration('crank_joint', 'crank', 'name of the joint in crank_state'),
+    Declaration('crank_joint', 'crank', 'name of the joint in crank_state and crank_command'),
     Declaration(
         'min_subscribers',
         0,

@@ -7,10 +7,18 @@ from time import monotonic
 from typing import Any
 
 from klann_ros.cli import ArgumentParser
-from klann_ros.nodes.endpoints import create_publisher, create_steady_timer, flush, QOS_USAGE
+from klann_ros.nodes.endpoints import (
+    create_publisher,
+    create_steady_timer,
+    flush,
+    other_publishers,
+    publish_last,
+    QOS_USAGE,
+)
 from klann_ros.nodes.lease import LeaseListener
 from klann_ros.nodes.parameters import declare, require, StartError, usage
-from klann_ros.nodes.process import arguments, Finish, run
+from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
+from klann_ros.sanitize.text import listed
 from klann_ros.stop_signals import StopSignals
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -31,20 +39,28 @@ class CrankPublisher:
     """Publisher of the crank's angle, or of angle and rate as a joint's state."""
 
     def __init__(self, node: Node, output: str, crank_joint: str) -> None:
-        self.is_state = output == 'crank_state'
-        kind = JointState if self.is_state else Float64
+        self._is_state = output != 'crank_angle'
+        # Whether a motor listens, which must stand at the end.
+        self.is_command = output == 'crank_command'
+        kind = JointState if self._is_state else Float64
         self.publisher: Any = create_publisher(node, kind, output)
         self._state = JointState(name=[crank_joint])
 
     def publish(self, angle: float, rate: float, time: Time) -> None:
         """Publish angle [rad] and rate [rad/s] at a time."""
-        if not self.is_state:
+        if not self._is_state:
             self.publisher.publish(Float64(data=angle))
             return
         self._state.header.stamp = time.to_msg()
         self._state.position = array('d', [angle])
         self._state.velocity = array('d', [rate])
         self.publisher.publish(self._state)
+
+    def stop(self) -> None:
+        """Publish a rate of 0 at the last angle, if there was one."""
+        self._state.velocity = array('d', [0.0])
+        if self._state.position:
+            publish_last(self.publisher, self._state)
 
 
 class DriverListener:
@@ -64,7 +80,7 @@ class DriverListener:
             self.angle = message.data
 
 
-class CrankNode(Node):
+class CrankNode(ProcessNode):
     """
     Publish the crank's angle, the n-th as a function of n / rate alone, then finish.
 
@@ -97,6 +113,12 @@ class CrankNode(Node):
         self._start_timer = create_steady_timer(self, 0.02, self._start_if_ready)
         self.get_logger().info(f'ready: {self._summary(parameters)}')
 
+    def close(self) -> int:
+        """Stop the motor of a crank that was commanded."""
+        if self._output.is_command:
+            self._output.stop()
+        return 0
+
     def _summary(self, parameters: Mapping[str, Any]) -> str:
         mode = parameters['mode']
         size = f'{parameters["speed"]:g} rad/s'
@@ -128,6 +150,11 @@ class CrankNode(Node):
             self._begin = now + DISCOVERY_TIME
         if now >= self._begin:
             self._start_timer.cancel()
+            topic = self._output.publisher.topic_name
+            if self._output.is_command and (others := other_publishers(self, topic)):
+                self.get_logger().error(f'{listed(others, 3)} publishes {topic}: end it first')
+                self._finish(1)
+                return
             self._begin = now
             self._begin_stamp = self.get_clock().now()
             create_steady_timer(self, 1.0 / self._rate, self._publish_due)
@@ -174,7 +201,8 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
     parser = ArgumentParser(
         'crank_node',
-        'Drive the crank: publish its angle on crank_angle, or angle and rate on crank_state.',
+        'Drive the crank: publish its angle on crank_angle, or angle and rate on crank_state or, '
+        'for a motor, on crank_command, which ends with a rate of 0.',
         f'{usage({"": [*MOTION, *CRANK_PARAMETERS]})}\n{QOS_USAGE}',
     )
     arguments(parser, argv)

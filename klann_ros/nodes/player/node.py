@@ -8,7 +8,6 @@ import sys
 from threading import Event, Thread
 from typing import Any, TYPE_CHECKING
 
-from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.cli import ArgumentParser
 from klann_ros.log import (
     latched_count,
@@ -27,6 +26,7 @@ from klann_ros.log import (
 from klann_ros.log.errors import LogError, MalformedQosError
 from klann_ros.messages import MAX_STAMP
 from klann_ros.nodes import endpoints
+from klann_ros.nodes.crank_output import standstill
 from klann_ros.nodes.keyboard import Keyboard
 from klann_ros.nodes.lease import leased_topic, LeaseListener
 from klann_ros.nodes.parameters import declare, declare_constant, StartError
@@ -51,43 +51,12 @@ from rclpy.qos import (
     QoSProfile,
     ReliabilityPolicy,
 )
-from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock as ClockMessage
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float32MultiArray, Float64MultiArray
 
 from .controls import add_options, declarations, DESCRIPTION, EPILOG, KEYS_IN_WORDS, PlayerControls
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
-
-
-# Types of the rates of cranks, by the last part of a topic's name; `commands` is ros2_control's.
-_RATES = {
-    'crank_command': (JointState, Float64MultiArray, Float32MultiArray),
-    'commands': (Float64MultiArray,),
-}
-
-
-def standstill(topic: str, kind: type, data: bytes) -> Any:
-    """Return the last message of a topic with rates of 0; None if it commands no robot."""
-    name = topic.rpartition('/')[2]
-    if name == 'cmd_vel' and kind in {Twist, TwistStamped}:
-        # Without a stamp it is as old as its arrival.
-        return kind()
-    if kind not in _RATES.get(name, ()):
-        return None
-    try:
-        command = deserialize_message(data, kind)
-    # A log may hold any bytes, which no robot took for a command.
-    except (RuntimeError, ValueError):
-        return None
-    if kind is JointState:
-        command.velocity = [0.0] * len(command.name)
-        command.effort = []
-    else:
-        command.data = [0.0] * len(command.data)
-    return command
 
 
 # The same in every namespace.

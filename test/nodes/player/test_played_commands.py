@@ -6,8 +6,8 @@ from typing import Any
 
 from geometry_msgs.msg import TwistStamped
 from klann_ros.log.definitions import definition
+from klann_ros.nodes.crank_output import standstill
 from klann_ros.nodes.endpoints import LAST_MESSAGES, type_name
-from klann_ros.nodes.player.node import standstill
 from mcap.writer import Writer
 from playable_logs import START
 import pytest

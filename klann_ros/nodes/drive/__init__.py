@@ -1,0 +1,1 @@
+"""`drive`: sends test cranks, velocities and messages, and shows topics."""
