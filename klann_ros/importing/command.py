@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
-import json
 from pathlib import Path
 import sys
 from typing import Any
@@ -68,18 +67,8 @@ def _import(options: argparse.Namespace) -> int:
 
 def file_text(name: str, source: str, content: Mapping[str, Any]) -> str:
     """Return the text of a linkage file."""
-    header = dump({'name': name, 'source': source, 'units': {'length': 'mm'}})
-    lines = [header.rstrip()]
-    for key, part in content.items():
-        entries = part if isinstance(part, dict) else {}
-        lines.append(f'{key}:' if entries else f'{key}: {_flow(part)}')
-        lines += [f'  {entry}: {_flow(members)}' for entry, members in entries.items()]
-    return '\n'.join(lines) + '\n'
-
-
-def _flow(part: Any) -> str:
-    # JSON without quotation marks is YAML, where all names are valid.
-    return json.dumps(part).replace('"', '')
+    header = {'name': name, 'source': source, 'units': {'length': 'mm'}}
+    return f'{dump({**header, **content}, flow_style=None)}\n'
 
 
 def _source(source: str) -> tuple[str, str]:

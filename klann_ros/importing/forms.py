@@ -198,7 +198,9 @@ def _read_csv(text: str) -> Mechanism:
             kind = cells['type'].upper() or PIN
             angle = radians(_number(cells['angle'] or '0'))
             joint = _joint(cells['name'], (cells['x'], cells['y']), links, kind, angle)
-            driven = joint.links if cells['driven'] else ()
+            # The name of the driven link, or any mark for all that the joint has.
+            motor = cells['driven']
+            driven = (motor,) if motor in joint.links else joint.links if motor else ()
             joints.append(replace(joint, driven=driven, is_traced=bool(cells['traced'])))
     except (csv.Error, MechanismError) as error:
         place = f'no table of joints (name, x, y, links) in line {len(joints) + 1}'

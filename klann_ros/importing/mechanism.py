@@ -80,7 +80,7 @@ def linkage_content(mechanism: Mechanism, crank: str, foot: str, unit: float) ->
         joints.append(placed.renamed(link_names))
     joints = _merge_rigid_links(joints)
     pivot, crank = _pivot_and_crank(joints, link_names.get(crank, crank))
-    return _Builder(_connected(joints, crank), pivot, crank).content(names.get(foot, foot))
+    return _Builder(joints, pivot, crank).content(names.get(foot, foot))
 
 
 def valid_names(names: Iterable[str], prefix: str) -> dict[str, str]:
@@ -142,16 +142,6 @@ def _pivot_and_crank(joints: Sequence[Joint], crank: str) -> tuple[Joint, str]:
     return pivots[crank], crank
 
 
-def _connected(joints: Sequence[Joint], crank: str) -> list[Joint]:
-    """Return the joints of the crank's mechanism, and those of the ground alone."""
-    reached = {GROUND, crank}
-    for _ in joints:
-        for joint in joints:
-            if not reached.isdisjoint({*joint.links} - {GROUND}):
-                reached.update(joint.links)
-    return [joint for joint in joints if reached.issuperset(joint.links)]
-
-
 class _Builder:
     """Builds the content of a linkage file from joints whose names are valid."""
 
@@ -175,12 +165,11 @@ class _Builder:
                 self._add_slide(joint)
         for link in [*self._points]:
             # A link with one point is that point.
-            if len(self._points[link]) < 2 and link not in {GROUND, *self._slides}:
+            if len(self._points[link]) < 2 and link not in {GROUND, crank, *self._slides}:
                 del self._points[link]
 
     def content(self, foot: str) -> dict[str, Any]:
         """Return the content of the file, with a foot or the most likely one."""
-        self._check_mobility()
         ground = self._points.pop(GROUND)
         foot = self._foot(foot, ground)
         links: dict[str, Any] = {**self._points}
@@ -198,16 +187,6 @@ class _Builder:
         named = {'ground': pivots, 'crank': self._crank, 'foot': foot}
         return {'points': places, **named, 'links': links}
 
-    def _check_mobility(self) -> None:
-        """Refuse a mechanism that the crank alone does not determine."""
-        points = [point for members in self._points.values() for point in members]
-        moving = [link for link in self._points if link != GROUND]
-        joined = len(points) - len({*points})
-        mobility = 3 * len(moving) - 2 * (joined + len(self._slides))
-        if mobility != 1:
-            links = f'{len(moving)} moving links: {listed(moving)}'
-            raise MechanismError(f'it has {mobility} degrees of freedom, not 1, by {links}')
-
     def _foot(self, foot: str, ground: Sequence[str]) -> str:
         """Return the foot, by default a traced point, or a point of one link, off the crank."""
         ranks = {}
@@ -215,10 +194,10 @@ class _Builder:
             links = [link for link in self._points if joint.name in self._points[link]]
             if links and joint.name not in ground:
                 ranks[joint.name] = (self._crank not in links, joint.is_traced, len(links) == 1)
-        foot = foot or max(reversed(ranks), key=lambda name: ranks[name])
+        foot = foot or max(reversed(ranks), key=lambda name: ranks[name], default='the crank')
         if foot not in ranks:
-            hint = f'{listed(ranks)} do{did_you_mean(foot, ranks)}'
-            raise MechanismError(f'{listed([foot])} does not move: {hint}')
+            hint = f'{listed(ranks)}{did_you_mean(foot, ranks)}'
+            raise MechanismError(f'{listed([foot])} is no point that moves, of: {hint}')
         return foot
 
     def _add_slide(self, joint: Joint) -> None:

@@ -58,7 +58,7 @@ def _block_text(dumper: Any, text: str) -> Any:
 def _row_of_numbers(dumper: Any, items: list[Any]) -> Any:
     """Return the node of a list, one of numbers on one line."""
     is_row = all(isinstance(item, int | float) for item in items)
-    return dumper.represent_sequence('tag:yaml.org,2002:seq', items, flow_style=is_row)
+    return dumper.represent_sequence('tag:yaml.org,2002:seq', items, flow_style=is_row or None)
 
 
 for _dumper in (_FastDumper, _PlainDumper):
@@ -131,9 +131,10 @@ def load(text: str) -> Any:
         raise ValueError(f'not YAML: {printable_line(error)}') from None
 
 
-def dump(data: object) -> str:
-    """Return data as YAML in block style, keys in their own order, without a final newline."""
+def dump(data: object, *, flow_style: bool | None = False) -> str:
+    """Return data as YAML, keys in their own order, without a final newline; None: short rows."""
     options: Any = {'sort_keys': False, 'allow_unicode': True, 'width': 10**6}
+    options['default_flow_style'] = flow_style
     try:
         text: str = yaml.dump(data, Dumper=_FastDumper, **options)
     except UnicodeEncodeError:
