@@ -21,6 +21,8 @@ PAGES = [
     for english, portuguese in PAGE_NAMES.items()
     if (folder / f'{english}.md').exists()
 ]
+# In Portuguese it has what the courses need.
+PARTLY_TRANSLATED = DOCS / 'python.md'
 NUMBER = r'(?<![\w.])\d+(?:\.\d+)?'
 
 
@@ -91,7 +93,11 @@ def test_both_languages_of_a_page_have_the_same(
     # A sentence has another order in another language.
     there = Counter(extract(english, 'en'))
     here = Counter(extract(portuguese, 'pt'))
-    assert there - here == here - there == Counter()
+    if paths[0] != PARTLY_TRANSLATED:
+        assert there - here == here - there == Counter()
+    elif extract is not headings:
+        assert here - there == Counter()
+        assert here.total() >= 0.5 * there.total()
 
 
 @pytest.mark.parametrize(('language', 'name'), [('en', 'lab'), ('pt', 'laboratorio')])
