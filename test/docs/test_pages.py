@@ -134,16 +134,25 @@ def test_the_examples_of_a_page_run(
         pytest.importorskip('matplotlib')
     LegRun(count=600).write(tmp_path / 'runs' / 'first')
     if page.name == 'adding_a_linkage.md':
-        described, _ = blocks(page, 'yaml')
+        described = blocks(page, 'yaml')[0]
         (tmp_path / 'watt.yaml').write_text(described, encoding='utf-8')
     done = run(source, tmp_path, monkeypatch)
     assert (done.returncode, done.stderr) == (0, '')
 
 
 def test_the_bend_of_a_sliding_body_counts_from_the_body_that_carries_its_line() -> None:
-    _, text = blocks(ROOT / 'docs' / 'adding_a_linkage.md', 'yaml')
+    text = blocks(ROOT / 'docs' / 'adding_a_linkage.md', 'yaml')[1]
     linkage = linkage_from_text(text, 'the example')
     points = LinkageLeg(linkage).solve(0.7).points
     c, h = (points[linkage.structure.points.index(name)] for name in 'CH')
     assert np.degrees(np.arctan2(c[1], c[0])) == pytest.approx(20.0)
     assert np.degrees(np.arctan2(h[1] - c[1], h[0] - c[0])) == pytest.approx(90.0)
+
+
+def test_the_four_bar_by_coordinates_is_in_the_pose_of_its_points() -> None:
+    text = blocks(ROOT / 'docs' / 'adding_a_linkage.md', 'yaml')[2]
+    linkage = linkage_from_text(text, 'the example')
+    points = LinkageLeg(linkage).solve(np.arctan2(10.0, 20.0)).points
+    places = dict(zip(linkage.structure.points, points, strict=True))
+    assert places['C'] == pytest.approx((0.08, 0.05))
+    assert places['P'] == pytest.approx((0.06, 0.06))
