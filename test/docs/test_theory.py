@@ -279,7 +279,6 @@ def test_4_the_last_digit_near_the_limit() -> None:
     short = KlannLeg(KlannGeometry(l_bc=0.97 * 0.350))
     alpha = short.reachable_arcs()[0][0] + 1e-9
     slope = math.hypot(*short.velocity(short.closed_form(alpha), 1.0).h)
-    assert says('inside the start of its arc', '1.93 km/rad', r'$9 \cdot 10^{-13}$ m')
     assert slope == pytest.approx(1930.0, abs=5.0)
     assert slope * math.ulp(alpha) == pytest.approx(9e-13, abs=0.5e-13)
 
