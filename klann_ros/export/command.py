@@ -29,6 +29,7 @@ from klann_ros.twin import robot_mjcf
 from .assembly import assembly, spacers
 from .drawing import drawing, dxf, NoEzdxfError, svg
 from .frame import placed_legs
+from .joints import joint_table
 from .layers import Layers
 from .parts import distinct_parts, HOLE_CLEARANCE, Part, PlacedLeg, WALL_LAYER
 from .plates import ExportError, slot_conflict
@@ -39,7 +40,7 @@ from .weights import MATERIALS, part_settings, part_sizes, weighed, weighed_file
 
 # Length of a sliding body without bars, as a part of the linkage's size.
 SLIDER_LENGTH = 0.1
-FORMATS = ('mjcf', 'urdf', 'svg', 'dxf', 'assembly', '3mf', 'glb')
+FORMATS = ('mjcf', 'urdf', 'joints', 'svg', 'dxf', 'assembly', '3mf', 'glb')
 FOLDERS = ('ros2-control', 'stl')
 PLATES = ('svg', 'dxf', 'assembly', '3mf', 'glb', 'stl')
 WEIGHED = 'weighed'
@@ -121,18 +122,8 @@ def _contents(
     robot: Robot, options: argparse.Namespace
 ) -> tuple[dict[str, bytes], dict[str, dict[str, bytes]]]:
     """Return the content of each file, and the files of each folder, by its option."""
-    contents: dict[str, bytes] = {}
+    contents = _models(robot, options)
     folders: dict[str, dict[str, bytes]] = {}
-    if options.mjcf is not None:
-        contents['--mjcf'] = robot_mjcf(robot).encode()
-        for origin in dict.fromkeys(leg.masses.origin for leg in robot.legs if leg.masses):
-            print(f'masses: {origin}')
-    if options.urdf is not None:
-        separator = options.joint_separator
-        contents['--urdf'] = urdf(robot, joint_separator=separator).encode()
-        if robot.is_walker and separator != SEPARATORS[0]:
-            joints = f'{robot.joint_names(separator)[0]} ... of the URDF'
-            print(f'solver_node needs joint_separator: {separator} for {joints}')
     if options.ros2_control is not None:
         folders['--ros2-control'] = ros2_control_files(options.file, robot)
     if any(getattr(options, name) is not None for name in (*PLATES, WEIGHED)):
@@ -147,6 +138,24 @@ def _contents(
                 folders['--stl'] = stl_files(meshes)
             contents |= _beds(meshes, options)
     return contents, folders
+
+
+def _models(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
+    """Return the models that the options ask for, by their options."""
+    contents: dict[str, bytes] = {}
+    if options.mjcf is not None:
+        contents['--mjcf'] = robot_mjcf(robot).encode()
+        for origin in dict.fromkeys(leg.masses.origin for leg in robot.legs if leg.masses):
+            print(f'masses: {origin}')
+    if options.urdf is not None:
+        separator = options.joint_separator
+        contents['--urdf'] = urdf(robot, joint_separator=separator).encode()
+        if robot.is_walker and separator != SEPARATORS[0]:
+            joints = f'{robot.joint_names(separator)[0]} ... of the URDF'
+            print(f'solver_node needs joint_separator: {separator} for {joints}')
+    if options.joints is not None:
+        contents['--joints'] = joint_table(robot.legs[0].linkage).encode()
+    return contents
 
 
 def _beds(meshes: Mapping[str, tuple[Any, int]], options: argparse.Namespace) -> dict[str, bytes]:
@@ -268,6 +277,7 @@ def _parser() -> ArgumentParser:
     add('file', metavar='FILE', type=path, help='a leg, a walker or a linkage')
     add('--mjcf', metavar='OUT.xml', help='a model of MuJoCo, with its masses')
     add('--urdf', metavar='OUT.urdf', help='for robot_state_publisher')
+    add('--joints', metavar='OUT.csv', help="the first leg's joints, for import_linkage [mm]")
     control = 'a new folder: the walker in MuJoCo or on hardware, by ros2_control'
     add('--ros2-control', metavar='FOLDER', type=path, help=control)
     separator = "between a leg's name and its joint's in the URDF (_), as solver_node's parameter"
