@@ -93,11 +93,12 @@ def test_the_examples_of_the_theory_run() -> None:
 
 
 def test_the_portuguese_page_has_formulas_examples_and_figures_of_the_english_one() -> None:
-    for extract in (displayed, images, lambda page: blocks(page, 'python')):
+    # The numerical methods of the program are in English only.
+    extracts = (displayed, 0.7), (images, 0.7), (lambda page: blocks(page, 'python'), 0.2)
+    for extract, share in extracts:
         english, portuguese = map(extract, PAGES)
-        # The numerical methods of the program are in English only.
         assert portuguese == [part for part in english if part in portuguese]
-        assert len(portuguese) > 0.6 * len(english)
+        assert len(portuguese) > share * len(english)
 
 
 def test_the_portuguese_page_has_the_sections_of_the_courses() -> None:
