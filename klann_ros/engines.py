@@ -21,6 +21,8 @@ import sys
 from time import monotonic
 from typing import Any, NamedTuple, TypeVar
 
+from klann_ros.missing_package import install_command
+
 __all__ = ['ENGINES', 'EngineError', 'TaskError', 'check_engine', 'parallel_map']
 
 Item = TypeVar('Item')
@@ -102,7 +104,7 @@ def check_engine(engine: str) -> None:
     if engine not in ENGINES:
         raise EngineError(f'there is no engine {engine!r}: {" or ".join(ENGINES)}')
     if engine == 'ray' and find_spec('ray') is None:
-        raise EngineError("the engine ray needs Ray: pip install 'klann_ros[cluster]'")
+        raise EngineError(f'the engine ray needs Ray: {install_command("ray", "cluster")}')
 
 
 # Worker processes on this machine, one task at a time each, with a deadline. The pool of the

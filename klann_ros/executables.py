@@ -20,6 +20,7 @@ import sys
 from typing import NoReturn
 import warnings
 
+from .missing_package import DISTRIBUTIONS, install_command
 from .sanitize.units import report_unit_warnings
 
 # The matrices of a linkage are small: threads of BLAS that wait for one another cost a fit five
@@ -29,8 +30,6 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 _INTERRUPTED = 130
 # A tool's exit code if a required package is not installed: nothing could be read.
 _MISSING_PACKAGE = 2
-# Distributions on PyPI with another name than their module.
-_DISTRIBUTIONS = {'yaml': 'PyYAML'}
 
 
 def _run_node(name: str, *, uses_terminal: bool = False) -> int:
@@ -45,10 +44,10 @@ def _run_node(name: str, *, uses_terminal: bool = False) -> int:
     folder = name.removesuffix('_node')
     try:
         module = import_module(f'klann_ros.nodes.{folder}.node')
+        return int(module.main(sys.argv, stop))
     except ModuleNotFoundError as error:
         _report_missing(name, error)
         return 1
-    return int(module.main(sys.argv, stop))
 
 
 def _report_missing(name: str, error: ModuleNotFoundError) -> None:
@@ -56,14 +55,9 @@ def _report_missing(name: str, error: ModuleNotFoundError) -> None:
     package = (error.name or '').partition('.')[0]
     if package in ('', 'klann_ros'):
         raise error
-    distribution = _DISTRIBUTIONS.get(package, package)
-    extras = _extras_with(distribution)
-    requirement = distribution
-    if extras:
-        requirement = f"'klann_ros[{name if name in extras else extras[0]}]'"
-    remedy = f'pip install {requirement}'
-    if package.startswith('rcl') or package.endswith(('_msgs', '_srvs', '_interfaces')):
-        remedy = "source ROS 2 (/opt/ros/jazzy/setup.bash), or pip install 'klann_ros[ros]'"
+    extras = _extras_with(DISTRIBUTIONS.get(package, package))
+    extra = name if name in extras else ''.join(extras[:1])
+    remedy = install_command(package, extra)
     print(f'{name}: there is no Python module {package} here: {remedy}', file=sys.stderr)
 
 

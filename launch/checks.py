@@ -7,11 +7,13 @@ fault in one line. launch ignores the failure of a process; this file ends the l
 
 import asyncio
 from collections.abc import Iterator
+from importlib.util import find_spec
 import os
 from pathlib import Path
 
-from ament_index_python.packages import PackageNotFoundError
+from ament_index_python.packages import get_package_prefix, PackageNotFoundError
 from klann_ros.kinematics import linkage_from_file, LinkageFileError
+from klann_ros.missing_package import install_command
 from launch import LaunchContext, LaunchDescription
 from launch.actions import OpaqueFunction, RegisterEventHandler
 from launch.event_handlers import OnProcessExit, OnShutdown
@@ -20,6 +22,10 @@ from launch.events.process import ProcessExited
 from launch.substitutions import SubstitutionFailure
 from launch_ros.actions import Node
 from launch_ros.substitutions import ExecutableInPackage
+
+# What controller_manager loads, and what the hardware interface of topics is.
+CONTROLLERS = ('joint_state_broadcaster', 'velocity_controllers')
+HARDWARE = 'joint_state_topic_hardware_interface'
 
 
 def programs(arguments: dict[str, str]) -> Iterator[tuple[str, str, str]]:
@@ -37,6 +43,24 @@ def programs(arguments: dict[str, str]) -> Iterator[tuple[str, str, str]]:
         yield 'rviz:=true', 'rviz2', 'rviz2'
     if is_set(arguments, 'slider'):
         yield 'slider:=true', 'joint_state_publisher_gui', 'joint_state_publisher_gui'
+
+
+def plugins(arguments: dict[str, str]) -> tuple[str, ...]:
+    """Return the packages of others that are loaded, not started."""
+    if 'sim' not in arguments:
+        return ()
+    return (*CONTROLLERS, HARDWARE) if is_set(arguments, 'hardware') else CONTROLLERS
+
+
+def modules(arguments: dict[str, str]) -> dict[str, str]:
+    """Return the optional Python modules of the nodes to start, and pip's extra of each."""
+    needed = {}
+    if is_set(arguments, 'view'):
+        needed['aiohttp'] = 'view'
+    # walk.launch.py simulates; ros2_control.launch.py may.
+    if 'friction' in arguments or (is_set(arguments, 'hardware') and is_set(arguments, 'sim')):
+        needed['mujoco'] = 'sim'
+    return needed
 
 
 def files(arguments: dict[str, str]) -> Iterator[str]:
@@ -61,13 +85,31 @@ def is_installed(package: str, executable: str, context: LaunchContext) -> bool:
     return True
 
 
+def require_package(package: str, user: str) -> None:
+    """Refuse the launch if a package is not installed, with the command that installs it."""
+    try:
+        get_package_prefix(package)
+    except PackageNotFoundError:
+        raise RuntimeError(f'{user} needs {package}: {install_debian(package)}') from None
+
+
+def install_debian(package: str) -> str:
+    """Return the command that installs a package of ROS."""
+    debian = f'ros-{os.environ.get("ROS_DISTRO", "jazzy")}-{package.replace("_", "-")}'
+    return f'sudo apt install {debian}'
+
+
 def check(context: LaunchContext) -> None:
     """Refuse invalid arguments and missing packages before the start."""
     arguments = context.launch_configurations
     for user, package, executable in programs(arguments):
         if not is_installed(package, executable, context):
-            debian = f'ros-{os.environ.get("ROS_DISTRO", "jazzy")}-{package.replace("_", "-")}'
-            raise RuntimeError(f'{user} needs {package}: sudo apt install {debian}')
+            raise RuntimeError(f'{user} needs {package}: {install_debian(package)}')
+    for package in plugins(arguments):
+        require_package(package, 'ros2_control')
+    for module, extra in modules(arguments).items():
+        if find_spec(module) is None:
+            raise RuntimeError(f'this launch needs {module}: {install_command(module, extra)}')
     for name in files(arguments):
         # A relative path starts in the user's folder.
         path = Path(arguments[name])

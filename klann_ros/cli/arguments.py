@@ -6,7 +6,9 @@ A refusal shows an argument, and runs nothing of it: the argument may be a file 
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 import errno
+from importlib import import_module
 from importlib.util import find_spec
 from math import nan
 import os
@@ -131,9 +133,9 @@ class ArgumentParser(argparse.ArgumentParser):
         # It parses the typed words by this very function.
         if '_ARGCOMPLETE' in os.environ and not self._is_completed:
             self._is_completed = True
-            import argcomplete  # noqa: PLC0415 - for a shell that completes, and for nothing else
-
-            argcomplete.autocomplete(self)
+            # For a shell that completes, which has it, and for nothing else.
+            with suppress(ModuleNotFoundError):
+                import_module('argcomplete').autocomplete(self)
         return super().parse_known_args(*args, **kwargs)
 
     def run(

@@ -29,6 +29,7 @@ from klann_ros.kinematics import (
 )
 from klann_ros.kinematics.angles import enclosing_turns, TURN
 from klann_ros.kinematics.arrays import FloatArray, with_short_repr
+from klann_ros.missing_package import install_command
 from klann_ros.sanitize.text import refusal
 import numpy as np
 from numpy.typing import ArrayLike
@@ -414,7 +415,7 @@ def simulate(
         from scipy.integrate import solve_ivp  # noqa: PLC0415 - scipy is optional
     except ImportError as error:
         raise NoScipyError(
-            "a simulation needs scipy: pip install 'klann_ros[dynamics]'"
+            f'a simulation needs scipy: {install_command("scipy", "dynamics")}'
         ) from error
     if not isinstance(dynamics, Dynamics):
         raise TypeError(refusal('dynamics', dynamics, 'the Dynamics of a linkage with masses'))

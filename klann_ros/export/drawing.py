@@ -9,6 +9,7 @@ from math import atan, hypot, sin, sqrt, tau
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, indent, SubElement, tostring
 
+from klann_ros.missing_package import install_command
 from klann_ros.sanitize.text import printable
 import numpy as np
 
@@ -42,7 +43,7 @@ class NoEzdxfError(RuntimeError):
     """DXF output without ezdxf (the extra `dxf`)."""
 
     def __init__(self) -> None:
-        super().__init__("DXF needs ezdxf, which is not here: pip install 'klann_ros[dxf]'")
+        super().__init__(f'DXF needs ezdxf, which is not here: {install_command("ezdxf", "dxf")}')
 
 
 class Circle(NamedTuple):

@@ -14,6 +14,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from klann_ros.kinematics import colour_of
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.missing_package import install_command
 import numpy as np
 
 from .drawing import MM
@@ -34,7 +35,8 @@ class NoSolidsError(RuntimeError):
     """Solids without trimesh and manifold3d (the extra `parts`)."""
 
     def __init__(self, error: ImportError) -> None:
-        super().__init__(f"solids need {error.name}, not here: pip install 'klann_ros[parts]'")
+        module = (error.name or '').partition('.')[0]
+        super().__init__(f'solids need {module}: {install_command(module, "parts")}')
 
 
 def _libraries() -> tuple[Any, Any]:

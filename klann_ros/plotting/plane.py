@@ -19,6 +19,7 @@ from klann_ros.kinematics import (
 )
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.missing_package import install_command
 import numpy as np
 
 if TYPE_CHECKING:
@@ -348,7 +349,8 @@ def axes_of(ax: 'Axes | None') -> 'Axes':
     try:
         from matplotlib import pyplot as plt  # noqa: PLC0415 - optional, and slow to import
     except ImportError:
-        raise NoMatplotlibError("a plot needs matplotlib: pip install 'klann_ros[plot]'") from None
+        remedy = install_command('matplotlib', 'plot')
+        raise NoMatplotlibError(f'a plot needs matplotlib: {remedy}') from None
     return plt.subplots(layout='constrained')[1]
 
 

@@ -8,6 +8,7 @@ from math import cos, degrees, exp, isfinite
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.missing_package import install_command
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import did_you_mean, printable, printable_line, refusal
 import numpy as np
@@ -29,7 +30,7 @@ def engine() -> Any:
         return import_module('mujoco')
     except ImportError as error:
         raise NoMujocoError(
-            "the physics engine is not installed: pip install 'klann_ros[sim]'"
+            f'the physics engine is not installed: {install_command("mujoco", "sim")}'
         ) from error
 
 

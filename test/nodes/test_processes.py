@@ -244,18 +244,29 @@ def test_nohup_outlives_its_terminal(fresh: Domain) -> None:
     [
         ('solver_node', 'rclpy', 1, 'source ROS 2'),
         ('recorder_node', 'mcap', 1, 'pip install mcap'),
-        ('review', 'yaml', 2, 'pip install PyYAML'),
+        ('review no_such_run', 'yaml', 2, 'pip install PyYAML'),
+        ('walker_node', 'nav_msgs', 1, "pip install 'klann_ros[ros]'"),
+        ('view_node', 'aiohttp', 1, "pip install 'klann_ros[view]'"),
+        ('sim_node --ros-args -p legs:=[a,b]', 'mujoco', 1, "pip install 'klann_ros[sim]'"),
+        ('solver_node --ros-args -p linkage:=jansen', 'jsonschema', 1, 'pip install jsonschema'),
+        ('design no_such_file', 'pymoo', 2, "pip install 'klann_ros[design]'"),
+        ('calibrate no_such_run --leg sem104', 'scipy', 2, 'pip install'),
+        ('export sem104 --dxf no.dxf', 'ezdxf', 3, "pip install 'klann_ros[dxf]'"),
+        ('review --each . --table no.parquet', 'pyarrow', 2, "pip install 'klann_ros[parquet]'"),
+        ('review --each . --engine ray', 'ray', 2, "pip install 'klann_ros[cluster]'"),
     ],
 )
 def test_a_package_that_is_absent_is_one_line_with_its_remedy(
-    name: str, absent: str, code: int, remedy: str
+    name: str, absent: str, code: int, remedy: str, tmp_path: Path
 ) -> None:
+    name, *arguments = name.split()
     program = (
         f'import sys; sys.modules["{absent}"] = None\n'
         f'from klann_ros.executables import {name}; sys.exit({name}())'
     )
     done = subprocess.run(
-        [sys.executable, '-c', program, 'no_such_run'],
+        [sys.executable, '-c', program, *arguments],
+        cwd=tmp_path,
         env={**os.environ, 'PYTHONPATH': PACKAGE},
         capture_output=True,
         text=True,

@@ -4,6 +4,7 @@ import ast
 from pathlib import Path
 import re
 import runpy
+import subprocess
 import sys
 from typing import Any
 
@@ -17,18 +18,17 @@ import pytest
 import setuptools
 
 ROOT = Path(__file__).resolve().parents[2]
-# The distribution and the rosdep key of a module; no key: mcap-ros2-support brings it by rosdep,
-# or it is an extra that package.xml leaves to pip.
+# The distribution and the rosdep key of a module; no key: an extra that package.xml leaves to pip.
 MODULES = {
     'aiohttp': ('aiohttp', 'python3-aiohttp'),
     'argcomplete': ('argcomplete', 'python3-argcomplete'),
     'ezdxf': ('ezdxf', ''),
     'fontTools': ('fonttools', ''),
     'jsonschema': ('jsonschema', 'python3-jsonschema'),
-    'lz4': ('lz4', ''),
+    'lz4': ('lz4', 'mcap-ros2-support'),
     'manifold3d': ('manifold3d', ''),
     'matplotlib': ('matplotlib', 'python3-matplotlib'),
-    'mcap': ('mcap', ''),
+    'mcap': ('mcap', 'mcap-ros2-support'),
     'mujoco': ('mujoco', 'python3-mujoco-pip'),
     'numba': ('numba', ''),
     'numpy': ('numpy', 'python3-numpy'),
@@ -36,14 +36,16 @@ MODULES = {
     'pyarrow': ('pyarrow', ''),
     'pymoo': ('pymoo', ''),
     'ray': ('ray', ''),
-    'scipy': ('scipy', ''),
+    'scipy': ('scipy', 'python3-scipy'),
     'tqdm': ('tqdm', 'python3-tqdm'),
     'trimesh': ('trimesh', ''),
     'yaml': ('PyYAML', 'python3-yaml'),
-    'zstandard': ('zstandard', ''),
+    'zstandard': ('zstandard', 'mcap-ros2-support'),
 }
 OF_ROS = re.compile(r'rclpy|ament_index_python|\w+_(msgs|srvs|interfaces)')
 SHELL = {'HOME': '/home/user', 'ROS_VERSION': '2', 'ROS_DISTRO': 'jazzy'}
+# A shell that wants what all programs and launch files need.
+ALL = {**SHELL, 'KLANN_ROS_EXTRAS': 'all'}
 # What bloom evaluates the conditions of REP 149 with.
 BLOOM = {'ROS_VERSION': '2', 'ROS_DISTRO': 'jazzy', 'ROS_PYTHON_VERSION': '3'}
 
@@ -85,6 +87,28 @@ def required_packages(monkeypatch: pytest.MonkeyPatch) -> list[Requirement]:
     return list(map(Requirement, lines))
 
 
+# Imports four programs, and a leg from a file; prints what modules of ours import from others.
+FOUR_PROGRAMS = """
+import builtins
+
+original = builtins.__import__
+imported = set()
+
+def recording(name, names=None, places=None, imports=(), level=0):
+    if not level and names and names.get('__name__', '').startswith('klann_ros.'):
+        imported.add(name.partition('.')[0])
+    return original(name, names, places, imports, level)
+
+builtins.__import__ = recording
+import klann_ros.nodes.solver.node, klann_ros.nodes.recorder.node, klann_ros.nodes.player.node
+import klann_ros.review.command
+from klann_ros.kinematics import shipped_linkage
+
+shipped_linkage('jansen')
+print(*imported)
+"""
+
+
 @pytest.fixture
 def package() -> Package:
     return parse_package(str(ROOT / 'package.xml'))
@@ -105,8 +129,16 @@ def test_imports_are_declared_to_pip_and_rosdep(package: Package) -> None:
     for module in names - of_ros:
         distribution, key = MODULES[module]
         assert re.search(rf"'{distribution}[\[>']", setup), module
-        assert not key or key in keys(package, SHELL), module
-    assert of_ros <= keys(package, SHELL)
+        assert not key or key in keys(package, ALL), module
+    assert of_ros <= keys(package, ALL)
+
+
+def test_required_is_what_solver_recorder_player_and_review_import(package: Package) -> None:
+    modules = subprocess.check_output([sys.executable, '-c', FOUR_PROGRAMS], text=True).split()
+    others = {*modules} - sys.stdlib_module_names - {'klann_ros', ''}
+    needed = {MODULES[module][1] if module in MODULES else module for module in others}
+    package.evaluate_conditions(SHELL)
+    assert {depend.name for depend in package.exec_depends if depend.evaluated_condition} == needed
 
 
 def test_keys_that_rosdep_installs_by_pip_do_not_block_a_binary_release(package: Package) -> None:

@@ -19,26 +19,27 @@ ALLOWED = {
     'lazy_face': set(),
     'sanitize': set(),
     'cli': {'lazy_face', 'sanitize'},
-    'engines': set(),
+    'missing_package': set(),
+    'engines': {'missing_package'},
     'kinematics': {'lazy_face', 'sanitize'},
     'synthesis': {'lazy_face', 'sanitize', 'kinematics'},
     'messages': {'lazy_face', 'sanitize'},
     'log': {'cli', 'lazy_face', 'messages', 'sanitize'},
-    'dynamics': {'lazy_face', 'sanitize', 'kinematics'},
+    'dynamics': {'lazy_face', 'missing_package', 'sanitize', 'kinematics'},
     'robot': {'lazy_face', 'sanitize', 'kinematics', 'dynamics'},
     'gait': {'lazy_face', 'kinematics', 'dynamics', 'robot'},
     'walker': {'lazy_face', 'kinematics', 'dynamics', 'robot', 'gait'},
-    'twin': {'lazy_face', 'sanitize', 'kinematics', 'dynamics', 'robot'},
-    'plotting': {'lazy_face', 'kinematics'},
+    'twin': {'lazy_face', 'missing_package', 'sanitize', 'kinematics', 'dynamics', 'robot'},
+    'plotting': {'lazy_face', 'missing_package', 'kinematics'},
     'web': {'lazy_face', 'sanitize', 'kinematics'},
     'review': {
         *('cli', 'sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'plotting', 'log'),
         'web',
-        *('calibration', 'lazy_face', 'messages'),
+        *('calibration', 'lazy_face', 'messages', 'missing_package'),
     },
     'export': {
         *('cli', 'sanitize', 'kinematics', 'dynamics', 'plotting', 'robot', 'gait', 'walker'),
-        'twin',
+        *('missing_package', 'twin'),
     },
     'live': {
         *('engines', 'lazy_face', 'sanitize', 'kinematics', 'log', 'robot', 'export', 'review'),
@@ -63,10 +64,12 @@ ALLOWED = {
     'stop_signals': set(),
     'nodes': {
         *('cli', 'sanitize', 'kinematics', 'dynamics', 'robot', 'gait', 'walker', 'twin'),
-        'plotting',
+        *('missing_package', 'plotting'),
         *('log', 'review', 'web', 'live', 'datasheet', 'stop_signals', 'messages'),
     },
-    'executables': {'sanitize', 'kinematics', 'log', 'review', 'nodes', 'stop_signals'},
+    'executables': {
+        *('missing_package', 'sanitize', 'kinematics', 'log', 'review', 'nodes', 'stop_signals'),
+    },
 }
 
 # Modules of a package that others may import past its face.

@@ -12,7 +12,7 @@ PROCESS = ACTION | {
     *('respawn_max_retries', 'shell', 'sigkill_timeout', 'sigterm_timeout'),
 }
 NAMES: dict[str, dict[str, set[str]]] = {
-    'ament_index_python.packages': {'PackageNotFoundError': set()},
+    'ament_index_python.packages': {'PackageNotFoundError': set(), 'get_package_prefix': set()},
     'launch': {'LaunchContext': set(), 'LaunchDescription': {'deprecated_reason'}},
     'launch.actions': {
         'DeclareLaunchArgument': ACTION | {'choices', 'default_value', 'description'},

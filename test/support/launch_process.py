@@ -30,6 +30,12 @@ OTHERS = (
     ('controller_manager', 'spawner'),
     ('mujoco_ros2_control', 'ros2_control_node'),
 )
+# The packages of others that a launch file only looks for.
+PLUGINS = (
+    'joint_state_broadcaster',
+    'joint_state_topic_hardware_interface',
+    'velocity_controllers',
+)
 # As `ros2 launch` does it: an included file, its arguments, the service's code. Here for many
 # lists of arguments, one after the other; each code goes into the list of what was started.
 DRIVER = """
@@ -102,6 +108,8 @@ class Prefix:
         for package, name in OTHERS:
             if package not in without:
                 self._install(package, name, '' if brief else 'exec sleep 1000')
+        for package in set(PLUGINS) - set(without):
+            self._index(package)
         (folder / 'bin').mkdir()
         (folder / 'bin' / 'sleep').symlink_to('/bin/sleep')
         self._variables = {
@@ -196,10 +204,13 @@ class Prefix:
         self._launches.append(launch)
         return launch
 
-    def _install(self, package: str, name: str, script: str, before: str = '') -> None:
+    def _index(self, package: str) -> None:
         index = self.folder / 'share' / 'ament_index' / 'resource_index' / 'packages'
         index.mkdir(parents=True, exist_ok=True)
         (index / package).touch()
+
+    def _install(self, package: str, name: str, script: str, before: str = '') -> None:
+        self._index(package)
         program = self.folder / 'lib' / package / name
         program.parent.mkdir(parents=True, exist_ok=True)
         log, arguments = (shlex.quote(str(p)) for p in (self._started, self.folder / name))

@@ -105,13 +105,16 @@ def make_prefix(tmp_path: Path) -> Iterator[MakePrefix]:
         ('robot_state_publisher', []),
         ('rviz2', ['rviz:=True']),
         ('robot_localization', ['fuse:=ekf']),
+        ('velocity_controllers', ['hardware:=true']),
+        ('joint_state_topic_hardware_interface', ['hardware:=true']),
     ],
 )
 def test_missing_packages_are_named_before_any_start(
     package: str, arguments: list[str], make_prefix: MakePrefix
 ) -> None:
     prefix = make_prefix(without=(package,))
-    launch = prefix.launch('walk' if 'fuse:=ekf' in arguments else 'demo', arguments)
+    files = {'fuse:=ekf': 'walk', 'hardware:=true': 'ros2_control'}
+    launch = prefix.launch(files.get(' '.join(arguments), 'demo'), arguments)
     output = launch.communicate(timeout=PATIENCE)[0]
     remedy = f'needs {package}: sudo apt install ros-jazzy-{package.replace("_", "-")}\n'
     assert output.count(remedy) == 1, output

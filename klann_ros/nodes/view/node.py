@@ -8,6 +8,7 @@ from threading import Thread
 
 from klann_ros.cli import ArgumentParser, path
 from klann_ros.live import Guard, new_token
+from klann_ros.missing_package import install_command
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
 from klann_ros.sanitize.text import printable
@@ -24,10 +25,6 @@ session token: without it a page is read-only, and another machine gets no page 
 connection is not encrypted: over a foreign network use ssh -L 8321:127.0.0.1:8321 MACHINE.
 A page drives only after its button was pressed; its drive stops within half a second when the page
 is closed, hidden or disconnected."""
-NO_SERVER = (
-    'view_node: there is no Python module aiohttp here: apt install python3-aiohttp, or '
-    "pip install 'klann_ros[view]'"
-)
 # Messages are taken in batches of this time, which no eye sees; at 1 kHz the browser has time
 # for an eighth more frames than half of it does [s].
 BATCH_PERIOD = 0.006
@@ -42,7 +39,8 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     try:
         import aiohttp  # noqa: F401, PLC0415 - an extra
     except ModuleNotFoundError:
-        print(NO_SERVER, file=sys.stderr)
+        remedy = install_command('aiohttp', 'view')
+        print(f'view_node: there is no Python module aiohttp here: {remedy}', file=sys.stderr)
         return 1
     return run(
         'view_node',

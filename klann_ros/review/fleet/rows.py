@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element, ElementTree, indent, SubElement
 
 from klann_ros.cli import harmless, write_table
 from klann_ros.log.errors import LogError
+from klann_ros.missing_package import install_command
 from klann_ros.review.model.review import Finding, located, Review, ReviewedLeg, Severity
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import finite, printable, printable_line
@@ -236,7 +237,8 @@ def _pyarrow() -> tuple[Any, Any]:
         import pyarrow as pa  # noqa: PLC0415 - it is optional
         from pyarrow import parquet  # noqa: PLC0415
     except ImportError as error:
-        raise TableError("a .parquet needs pyarrow: pip install 'klann_ros[parquet]'") from error
+        remedy = install_command('pyarrow', 'parquet')
+        raise TableError(f'a .parquet needs pyarrow: {remedy}') from error
     return pa, parquet
 
 

@@ -8,6 +8,7 @@ from typing import Any, BinaryIO, TYPE_CHECKING
 from klann_ros import __version__
 from klann_ros.cli import harmless, write_table
 from klann_ros.kinematics.arrays import FloatArray, IntArray
+from klann_ros.missing_package import install_command
 from klann_ros.review.model.answers import Cause
 from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg
@@ -144,7 +145,8 @@ def pose_frame(review: Review) -> 'pd.DataFrame':
     try:
         import pandas as pd  # noqa: PLC0415 - optional, and slow to import
     except ModuleNotFoundError:
-        raise NoPandasError("a data frame needs pandas: pip install 'klann_ros[pandas]'") from None
+        remedy = install_command('pandas', 'pandas')
+        raise NoPandasError(f'a data frame needs pandas: {remedy}') from None
     frames = []
     for leg in review.legs:
         frame = pd.DataFrame(pose_arrays(leg), copy=True)
