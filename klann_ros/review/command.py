@@ -166,7 +166,7 @@ def _parser() -> ArgumentParser:
     add('log2', metavar='LOG2', nargs='?', type=path, help='another run to compare it with')
     following = 'LOG is being recorded, or will be: print findings immediately, then review it'
     add('--follow', action='store_true', help=following)
-    exact = 'also print how exact the poses are: residuals, errors, 99 % of the delays'
+    exact = 'also print how exact the poses are: residuals, errors, 99 %% of the delays'
     add('--details', action='store_true', help=exact)
     add('--json', metavar='FILE', help='the report for machines')
     add('--html', metavar='FILE', help='the page: the leg animated, and charts')
