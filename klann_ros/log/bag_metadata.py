@@ -8,6 +8,8 @@ without that key, in the MCAP metadata record ``rosbag2`` under ``serialized_met
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 import os
+from pathlib import Path
+import sys
 
 from klann_ros.sanitize import yaml_text
 
@@ -82,7 +84,12 @@ def _metadata(files: Sequence[FileSummary]) -> dict[str, object]:
 
 
 def ros_distro() -> str:
-    """Return the name of the sourced ROS distribution; Jazzy's packages without any."""
+    """Return the name of the ROS distribution: the sourced one, that of the wheels, or Jazzy."""
+    rclpy = sys.modules.get('rclpy')
+    if rclpy is not None and 'ROS_DISTRO' not in os.environ:
+        site_packages = Path(rclpy.__path__[0]).parent
+        for wheel in site_packages.glob('ros_*_rclpy-*.dist-info'):
+            return wheel.name.split('_')[1]
     return os.environ.get('ROS_DISTRO') or 'jazzy'
 
 

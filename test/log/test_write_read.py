@@ -1,5 +1,6 @@
 """What is written is read back equal, by us and by others."""
 
+from importlib.metadata import distributions
 from pathlib import Path
 import tempfile
 
@@ -14,6 +15,7 @@ from crank_runs import (
     write_run,
 )
 from hypothesis import given, settings, strategies as st
+from klann_ros.log.bag_metadata import ros_distro
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.reader import MAX_LOG_DURATION, open_log
 from klann_ros.log.records import Attachment, Message, Topic
@@ -229,6 +231,16 @@ def test_chunks_and_their_indexes_are_those_of_the_mcap_library(tmp_path, compre
     # Topics of one type share a schema, and equal topics a channel.
     (statistics,) = records_of_files[0][Statistics]
     assert (statistics.schema_count, statistics.channel_count) == (1, 2)
+
+
+def test_the_metadata_name_the_distribution_of_the_wheels(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip('rclpy')
+    names = [distribution.name for distribution in distributions()]
+    wheels = [name for name in ('jazzy', 'kilted') if f'ros-{name}-rclpy' in names]
+    if not wheels:
+        pytest.skip('ROS is not from wheels')
+    monkeypatch.delenv('ROS_DISTRO', raising=False)
+    assert [ros_distro()] == wheels
 
 
 @pytest.mark.parametrize(('sourced', 'recorded'), [('kilted', 'kilted'), ('', 'jazzy')])

@@ -30,10 +30,15 @@ PATIENCE = 60.0
 SILENT = 10.0
 SHARED_MEMORY = Path('/dev/shm')  # noqa: S108 - Fast DDS's place, not ours
 # The segments of one process. Its ports are shared: some have the same number in all domains.
-SEGMENT = re.compile(rf'{SHARED_MEMORY}/(fastrtps_[0-9a-f]{{16}})\b')
+SEGMENT = re.compile(rf'{SHARED_MEMORY}/(fast(?:rtps|dds)_[0-9a-f]{{16}})\b')
 # Traffic never leaves the machine, neither the probe's nor that of its processes.
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(Path(__file__).with_name('fastdds.xml'))
+# Fast DDS 3 (Kilted) has another name for the variable, and others in the file.
+LIBRARIES = os.environ.get('LD_LIBRARY_PATH', '').split(os.pathsep)
+IS_FAST_DDS_3 = any(Path(folder, 'libfastdds.so').exists() for folder in LIBRARIES)
+PROFILES_VARIABLE = f'FAST{"DDS" if IS_FAST_DDS_3 else "RTPS"}_DEFAULT_PROFILES_FILE'
+PROFILES = 'fastdds_3.xml' if IS_FAST_DDS_3 else 'fastdds.xml'
+os.environ[PROFILES_VARIABLE] = str(Path(__file__).with_name(PROFILES))
 
 
 class Process:
