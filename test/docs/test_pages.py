@@ -106,7 +106,7 @@ def test_the_contents_of_the_manual_name_every_executable() -> None:
     names = re.findall(r'^(\w+) = partial\(', source, re.MULTILINE)
     assert len(names) > 10
     for name in names:
-        assert f'| `{name}' in (ROOT / 'docs' / 'index.md').read_text(encoding='utf-8')
+        assert f'- `{name}' in (ROOT / 'docs' / 'index.md').read_text(encoding='utf-8')
 
 
 def test_the_readmes_first_example_is_warm_started(
