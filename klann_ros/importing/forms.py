@@ -1,243 +1,190 @@
 """Readers of mechanisms in the forms of other programs, by the grammar of their sources."""
 
 from cmath import rect
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 import csv
 from dataclasses import replace
-from math import inf, radians
+from itertools import islice
+from math import radians
 import re
+from typing import Any
 from urllib.parse import unquote
 from xml.etree import ElementTree as ET
 
 from klann_ros.kinematics import GROUND
 from klann_ros.sanitize.text import printable, printable_line
-from klann_ros.sanitize.yaml_text import load
+from klann_ros.sanitize.yaml_text import load, MAX_FILE_SIZE
 
-from .mechanism import Joint, MAX_JOINTS, Mechanism, MechanismError, PIN, PIN_IN_SLOT, SLIDER
+from .mechanism import Joint, MAX_JOINTS, MechanismError, PIN, PIN_IN_SLOT, SLIDER
 
 INCH = 25.4  # [mm]
-MAX_NUMBER = 1e15
+MAX_DIGITS = 60
+_NUMBER = r'([-+.\deE]*)'
 _PYSLVS_JOINT = re.compile(
-    r'J\[(RP|R|P)(?:,A\[([-+.\deE]*)\])?(?:,color\[[^][]*\])?,'
-    r'P\[([-+.\deE]*),([-+.\deE]*)\],L\[([^][]*)\]\]'
+    rf'J\[(RP|R|P)(?:,A\[{_NUMBER}\])?(?:,color\[[^][]*\])?,P\[{_NUMBER},{_NUMBER}\],L\[([^][]*)\]\]'
 )
-# Names of the ground; every name that begins with ground is one, too.
-_GROUND_NAMES = {'0', 'gnd', 'grnd', 'frame', 'base', 'fixed'}
 _PMKS_PLUS = re.compile(r'(?:[\w,-]*\.){4}\S*')
 _PMKS_PLUS_DIGITS = '0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_-'
-# The layer of drawings in files of Linkage, and attributes of what no linkage file can describe.
-_DRAWING_LAYER = '1'
+# Attributes in files of Linkage of what no linkage file can describe; the layer of drawings.
 _LINKAGE2_REFUSED = ('actuator', 'gear', 'fasten', 'fastenlink', 'fastenconnector', 'slideradius')
-_COLUMNS = ('name', 'x', 'y', 'links', 'type', 'angle', 'driven', 'traced')
+_DRAWING_LAYER = '1'
 
 
-def read_mechanism(text: str, form: str = '') -> Mechanism:
+def read_joints(text: str, form: str = '', unit: float = 1.0) -> list[Joint]:
     """
-    Return the mechanism in a text, whose form is recognised if it is not stated.
+    Return the joints in a text, whose form is recognised if it is not stated.
 
-    A MechanismError names what the text lacks, or what no linkage file can describe.
+    Lengths of forms without a unit are in `unit` [mm]. A MechanismError names what is wrong.
     """
     text = text.lstrip('\ufeff').strip()
-    if not text:
-        raise MechanismError('it is empty')
-    return FORMS[form or _form_of(text)](text)
+    if not form:
+        form = 'pmks+' if _PMKS_PLUS.fullmatch(text.rpartition('?')[2]) else 'csv'
+        form = 'pyslvs' if re.search(r'\bM ?\[', text) else form
+        form = 'linkage2' if text.startswith('<') else form
+    if not 0 < len(text) <= MAX_FILE_SIZE:
+        raise MechanismError(f'it has {len(text)} characters: 1 to {MAX_FILE_SIZE} are read')
+    reader, description = FORMS[form]
+    try:
+        joints = [joint for joint in reader(text) if joint.links]
+    # Of the libraries, and of what the text should have.
+    except (AttributeError, csv.Error, LookupError, SyntaxError, TypeError, ValueError) as error:
+        raise MechanismError(f'it is no {description}: {printable_line(error)}') from error
+    scale = unit if form in {'pyslvs', 'csv'} else 1.0
+    return [replace(joint, position=scale * joint.position) for joint in joints]
 
 
-def _form_of(text: str) -> str:
-    if text.startswith('<'):
-        return 'linkage2'
-    if re.search(r'\bM ?\[', text):
-        return 'pyslvs'
-    return 'pmks+' if _PMKS_PLUS.fullmatch(text.rpartition('?')[2]) else 'csv'
-
-
-def _read_pyslvs(text: str) -> Mechanism:
+def _read_pyslvs(text: str) -> list[Joint]:
     """Read an expression of Pyslvs (expression_parser.py), or its YAML file, with its motors."""
-    motors: Sequence[Sequence[int]] = ()
+    is_file = re.search(r'\bmechanism[\'"]? ?:', text)
+    project: Any = load(text) if is_file else {'mechanism': text}
+    expression = re.sub(r'#\[[^#]*#\]|#[^\n]*', '', project['mechanism'])
+    expression = re.sub(r'\s+', '', expression)
+    remainder = _PYSLVS_JOINT.sub('', expression).replace(',', '')
+    if remainder != 'M[]':
+        raise ValueError(f'{printable(remainder, 60)} is left of it')
     joints = []
-    try:
-        if re.search(r'\bmechanism[\'"]? ?:', text):
-            project = load(text)
-            text, motors = project['mechanism'], project.get('input', ())
-        expression = re.sub(r'\s+', '', re.sub(r'#\[[^#]*#\]|#[^\n]*', '', text))
-        remainder = _PYSLVS_JOINT.sub('', expression).replace(',', '')
-        if remainder != 'M[]':
-            remainder = printable(remainder, 60)
-            raise MechanismError(f'{remainder} is not M[J[R, P[x, y], L[link, ...]], ...]')
-        for number, match in enumerate(_PYSLVS_JOINT.finditer(expression)):
-            kind, angle, x, y, links = match.groups()
-            name = f'P{number}'
-            direction = radians(_number(angle or '0'))
-            joints.append(_joint(name, (x, y), links.split(','), kind, direction))
-        for base, drive in motors:
-            # The motor at the first joint turns the link that leads to the second.
-            if not {base, drive}.issubset(range(len(joints))):
-                raise MechanismError(f'input: {printable([base, drive], 60)} are no two joints')
-            links = [link for link in joints[base].links if link in joints[drive].links]
-            joints[base] = replace(joints[base], driven=(*joints[base].driven, *links))
-    except (AttributeError, LookupError, TypeError, ValueError) as error:
-        raise MechanismError(f'no expression of Pyslvs: {printable_line(error)}') from error
-    return Mechanism([joint for joint in joints if joint.links], 'Pyslvs expression')
+    for number, match in enumerate(_PYSLVS_JOINT.finditer(expression)):
+        kind, angle, x, y, links = match.groups()
+        joints.append(_joint(f'P{number}', x, y, links.split(','), kind, angle))
+    for base, drive in project.get('input', ()):
+        joints[base] = replace(joints[base], is_driven=bool(joints[drive]))
+    return joints
 
 
-def _read_pmks_plus(text: str) -> Mechanism:
+def _read_pmks_plus(text: str) -> list[Joint]:
     """Read the URL of PMKS+ (string-transcoder.ts), whose numbers have the base 64."""
+    *_, enums, records = unquote(text.rpartition('?')[2]).split('.', 4)
+    unit = (INCH, 10.0, 1000.0)[int(enums[0])]
+    joint_records, link_records, _ = records.split('..', 2)
     links: dict[str, list[str]] = {}
+    for record in link_records.split('.'):
+        name, *fields = record.split(',')
+        # Y marks a whole link, N a part that is welded to others. An empty joint ends them.
+        end = fields.index('', 6)
+        for member in fields[6:end] if name.startswith('Y') else ():
+            links.setdefault(member, []).append(name[2:])
     joints = []
-    try:
-        *_, enums, records = unquote(text.rpartition('?')[2]).split('.', 4)
-        unit = (INCH, 10.0, 1000.0)[int(enums[0])]
-        joint_records, link_records, _ = records.split('..', 2)
-        for record in link_records.split('.'):
-            name, *fields = record.split(',')
-            # Y marks a whole link, N a part that is welded to others. An empty joint ends them.
-            end = fields.index('', 6)
-            for member in fields[6:end] if name.startswith('Y') else ():
-                links.setdefault(member, []).append(name[2:])
-        for record in joint_records.split('.'):
-            name, _, x, y, angle = record.split(',')
-            flags = _PMKS_PLUS_DIGITS.index(name[0])
-            members = [GROUND] if flags & 4 else []
-            members += links.get(name[1:], [])
-            kind = SLIDER if flags & 1 else PIN
-            position = f'{_base_64(x)}', f'{_base_64(y)}'
-            joint = _joint(name[1:], position, members, kind, _base_64(angle))
-            driven = joint.links if flags & 2 else ()
-            joints.append(replace(joint, driven=driven, is_traced=bool(flags & 16)))
-    except (IndexError, ValueError) as error:
-        raise MechanismError(f'no whole URL of PMKS+: {printable_line(error)}') from error
-    return Mechanism(joints, 'PMKS+ URL', unit)
+    for record in joint_records.split('.'):
+        name, _, x, y, angle = record.split(',')
+        # Bits: a slider, driven, on the ground, welded, traced.
+        flags = _PMKS_PLUS_DIGITS.index(name[0])
+        members = (*([GROUND] if flags & 4 else []), *links.get(name[1:], []))
+        place = unit * complex(_base_64(x), _base_64(y))
+        joint = Joint(name[1:], place, members, SLIDER if flags & 1 else PIN)
+        joint = replace(joint, direction=rect(1.0, _base_64(angle)), is_driven=bool(flags & 2))
+        joints.append(replace(joint, is_traced=bool(flags & 16)).renamed({}))
+    return joints
 
 
 def _base_64(digits: str) -> float:
     """Return a number in thousandths, negative with a 0 before it; nine digits are enough."""
-    number = 0
-    for digit in digits[:9]:
-        number = 64 * number + _PMKS_PLUS_DIGITS.index(digit)
+    places = [_PMKS_PLUS_DIGITS.index(digit) for digit in digits[8::-1]]
+    number = sum(place * 64.0**power for power, place in enumerate(places))
     return (-number if digits.startswith('0') else number) / 1000.0
 
 
-def _read_linkage2(text: str) -> Mechanism:
+def _read_linkage2(text: str) -> list[Joint]:
     """Read a file of Rector's Linkage (linkageDoc.cpp, ReadIn), its lengths in 1/96 in."""
-    if '<!DOCTYPE' in text or '<!ENTITY' in text:
-        raise MechanismError('it has a document type, which may hold anything')
-    try:
-        # Without entities, and of limited size. Linkage writes & in names as it is.
-        root = ET.fromstring(re.sub(r'&(?!#?\w+;)', '&amp;', text))  # noqa: S314
-    except (ET.ParseError, ValueError) as error:
-        raise MechanismError(f'it is no XML: {printable_line(error)}') from error
+    if re.search('<!(DOCTYPE|ENTITY)', text):
+        raise ValueError('it has a document type, which may hold anything')
+    # Without entities, and of limited size. Linkage writes & in names as it is.
+    root = ET.fromstring(re.sub(r'&(?!#?\w+;)', '&amp;', text))  # noqa: S314
     if root.tag != 'linkage2':
-        raise MechanismError('it is no <linkage2>; a URDF, such as <robot>, lacks its loops')
-    if root.find('ratios/ratio') is not None:
-        raise MechanismError('it has gears or chains')
+        raise ValueError('it has no <linkage2>; a URDF, which has <robot>, lacks its loops')
+    elements = [element for element in root if element.get('layer') != _DRAWING_LAYER]
     links: dict[str, list[str]] = {}
-    for number, link in enumerate(_linkage2_elements(root, 'Link', 'element')):
-        for connector in link.iterfind('connector'):
+    for number, element in enumerate(elements):
+        name = f'{element.tag} {printable(element.get("id"), 60)}'
+        for attribute in _LINKAGE2_REFUSED:
+            if element.get(attribute, 'false') != 'false':
+                raise ValueError(f'{name} has {attribute}="...", which cannot be described')
+        for connector in element.iterfind('connector') if element.tag != 'selected' else ():
             links.setdefault(connector.get('id', ''), []).append(f'link{number}')
     joints = {}
-    for connector in _linkage2_elements(root, 'connector'):
-        name = connector.get('id', '')
-        position = connector.get('x', ''), connector.get('y', '')
-        members = [GROUND] if connector.get('anchor') == 'true' else []
-        joint = _joint(f'P{name}', position, [*members, *links.get(name, [])], PIN, 0.0)
-        driven = joint.links if connector.get('input') == 'true' else ()
-        joints[name] = replace(joint, driven=driven, is_traced=connector.get('draw') == 'true')
+    for element in root.iterfind('connector'):
+        name = element.get('id', '')
+        flags = {flag for flag in ('anchor', 'input', 'draw') if element.get(flag) == 'true'}
+        members = [GROUND, *links.get(name, [])] if 'anchor' in flags else links.get(name, [])
+        joint = _joint(f'P{name}', element.get('x', ''), element.get('y', ''), members)
+        joint = replace(joint, position=INCH / 96.0 * joint.position, is_traced='draw' in flags)
+        joints[name] = replace(joint, is_driven='input' in flags)
     for slider in root.iterfind('connector[@slider="true"]'):
         name = slider.get('id', '')
-        ends = [joints.get(limit.get('id', '')) for limit in slider.iterfind('slidelimit')]
-        if name in joints:
-            joints[name] = _in_slot(joints[name], *ends)
-    joined = [joint for joint in joints.values() if joint.links]
-    return Mechanism(joined, 'Linkage file', INCH / 96.0)
+        ends = [joints[limit.get('id', '')] for limit in slider.iterfind('slidelimit')]
+        if len(ends) != 2:
+            raise ValueError(f'connector {printable(name, 60)} slides between no two others')
+        first, second = ends
+        carrier = next(iter([link for link in first.links if link in second.links]), GROUND)
+        way = second.position - first.position
+        joint = replace(joints[name], kind=PIN_IN_SLOT, direction=way / (abs(way) or 1.0))
+        members = [link for link in joint.links if link != carrier]
+        joints[name] = replace(joint, links=(carrier, *members)).renamed({})
+    return list(joints.values())
 
 
-def _linkage2_elements(root: ET.Element, *tags: str) -> list[ET.Element]:
-    """Return the elements that are no drawings; a MechanismError for one of a refused kind."""
-    elements = []
-    for element in root:
-        if element.tag in tags and element.get('layer') != _DRAWING_LAYER:
-            for attribute in _LINKAGE2_REFUSED:
-                if element.get(attribute, 'false') != 'false':
-                    name = f'{element.tag} {printable(element.get("id"), 60)}'
-                    raise MechanismError(f'{name} has {attribute}="...": it cannot be described')
-            elements.append(element)
-    return elements
-
-
-def _in_slot(joint: Joint, *ends: Joint | None) -> Joint:
-    """Return a joint as a pin in the slot of the link that has both ends of the slot."""
-    if len(ends) == 2 and ends[0] and ends[1] and ends[0].position != ends[1].position:
-        way = ends[1].position - ends[0].position
-        for carrier in ends[0].links:
-            if carrier in ends[1].links:
-                links = (carrier, *(link for link in joint.links if link != carrier))
-                direction = way / abs(way)
-                return replace(joint, links=links, kind=PIN_IN_SLOT, direction=direction)
-    raise MechanismError(f'{printable(joint.name, 60)} slides between no two points of a link')
-
-
-def _read_csv(text: str) -> Mechanism:
+def _read_csv(text: str) -> list[Joint]:
     """Read a table of joints, its columns named by a header, or in the order name, x, y, links."""
     lines = text.splitlines()
-    delimiter = next((character for character in ';\t' if character in lines[0]), ',')
-    joints: list[Joint] = []
-    try:
-        rows = [[*map(str.strip, row)] for row in csv.reader(lines, delimiter=delimiter)]
-        columns = [cell.lower() for cell in rows[0]]
-        has_header = {'name', 'x', 'y', 'links'}.issubset(columns)
-        # One joint more than are read is refused.
-        start, end = int(has_header), MAX_JOINTS + 2
-        for row in filter(any, rows[start:end]):
-            cells = dict.fromkeys(_COLUMNS, '')
-            cells |= zip(columns if has_header else _COLUMNS[:3], row, strict=False)
-            if not has_header:
-                cells['links'] = ' '.join(row[3:])
-            if delimiter != ',':
-                cells = {column: cell.replace(',', '.') for column, cell in cells.items()}
-            links = re.split(r'[\s+/|;]+', cells['links'])
-            kind = cells['type'].upper() or PIN
-            angle = radians(_number(cells['angle'] or '0'))
-            joint = _joint(cells['name'], (cells['x'], cells['y']), links, kind, angle)
-            # The name of the driven link, or any mark for all that the joint has.
-            motor = cells['driven']
-            driven = (motor,) if motor in joint.links else joint.links if motor else ()
-            joints.append(replace(joint, driven=driven, is_traced=bool(cells['traced'])))
-    except (csv.Error, MechanismError) as error:
-        place = f'no table of joints (name, x, y, links) in line {len(joints) + 1}'
-        raise MechanismError(f'{place}: {printable_line(error)}') from error
-    return Mechanism(joints, 'table of joints')
+    delimiter = next((mark for mark in ';\t' if mark in lines[0]), ',')
+    has_header = {'name', 'x', 'y', 'links'} <= {*lines[0].split(delimiter)}
+    header = None if has_header else ('name', 'x', 'y', 'links')
+    joints = []
+    reader = csv.DictReader(lines, header, 'more', '', delimiter=delimiter)
+    for row in islice(reader, MAX_JOINTS + 1):
+        more = row.pop('more', [])
+        cells = {column: cell.strip() for column, cell in row.items()}
+        if delimiter != ',':
+            cells = {column: cell.replace(',', '.') for column, cell in cells.items()}
+        links = re.split(r'[\s+/|;]+', ' '.join([cells['links'], *more]))
+        kind = cells.get('type') or PIN
+        joint = _joint(cells['name'], cells['x'], cells['y'], links, kind, cells.get('angle'))
+        joint = replace(joint, is_driven=bool(cells.get('driven')))
+        joints.append(replace(joint, is_traced=bool(cells.get('traced'))))
+    return joints
 
 
-def _joint(
-    name: str, position: Iterable[str], links: Iterable[str], kind: str, angle: float
+def _joint(  # noqa: PLR0917 - in the order of a row
+    name: str, x: str, y: str, links: Iterable[str], kind: str = PIN, angle: str | None = None
 ) -> Joint:
-    """Return a joint of texts, its angle in rad; a MechanismError for one of another kind."""
+    """Return a joint of texts, its angle in degrees."""
     if kind not in {PIN, SLIDER, PIN_IN_SLOT}:
-        noun = 'a gear' if kind == 'G' else 'no R, P or RP'
-        raise MechanismError(f'the joint {printable(name, 60)} is {noun}')
+        raise ValueError(f'the joint {printable(name, 60)} is no R, P or RP, but maybe a gear')
     members = []
     for link in filter(None, map(str.strip, links)):
-        is_ground = link.lower() in _GROUND_NAMES or link.lower().startswith(GROUND)
-        members.append(GROUND if is_ground else link)
-    x, y = map(_number, position)
-    return Joint(name, complex(x, y), tuple(members), kind, rect(1.0, angle)).renamed({})
+        members.append(GROUND if link.lower().startswith(GROUND) else link)
+    # More digits count for nothing.
+    position = complex(float(x[:MAX_DIGITS]), float(y[:MAX_DIGITS]))
+    direction = rect(1.0, radians(float(angle or 0.0)))
+    return Joint(name, position, tuple(members), kind, direction).renamed({})
 
 
-def _number(text: str) -> float:
-    """Return the number in a text; a MechanismError for none, or one of no use."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = inf
-    if not abs(number) < MAX_NUMBER:
-        raise MechanismError(f'{printable(repr(text), 60)} is no number')
-    return number
-
-
-FORMS: dict[str, Callable[[str], Mechanism]] = {
-    'pyslvs': _read_pyslvs,
-    'pmks+': _read_pmks_plus,
-    'linkage2': _read_linkage2,
-    'csv': _read_csv,
+FORMS: dict[str, tuple[Callable[[str], list[Joint]], str]] = {
+    'pyslvs': (_read_pyslvs, 'M[J[R, P[x, y], L[ground, L1]], ...] of Pyslvs, or YAML with it'),
+    'pmks+': (_read_pmks_plus, 'whole URL of PMKS+'),
+    'linkage2': (_read_linkage2, '.linkage2 file of Linkage by D. Rector'),
+    'csv': (
+        _read_csv,
+        'table of joints: name, x, y, links; by a header also type, angle [deg], driven, traced',
+    ),
 }
-"""The readers by their forms."""
+"""The reader of each form, and its description."""

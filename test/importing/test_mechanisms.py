@@ -6,20 +6,18 @@ from math import radians
 from pathlib import Path
 from typing import Any
 
-from klann_ros.importing.command import file_text
-from klann_ros.importing.forms import read_mechanism
-from klann_ros.importing.mechanism import linkage_content
-from klann_ros.kinematics import linkage_from_text, LinkageLeg
+from klann_ros.importing.command import main
+from klann_ros.kinematics import linkage_from_file, LinkageLeg
 from mechanism_texts import WRITERS
 from natural_coordinates import NaturalCoordinates, read_rows
 import pytest
 from yaml_tables import read_table
 
 TABLES = read_table(Path(__file__).with_name('mechanisms.yaml'))
+# Units of length that forms have [mm].
+UNITS = {'linkage2': 25.4 / 96.0}
 STEPS = 120
 PER_POSE = 6
-# The position of a joint that a source prints, as a part of the linkage's size.
-PRINTED_DIGITS = 1e-6
 
 
 def named(entry: Mapping[str, Any]) -> str:
@@ -29,15 +27,16 @@ def named(entry: Mapping[str, Any]) -> str:
 class ImportedLeg:
     """A linkage by its text in another program's form, and its joints over rotations."""
 
-    def __init__(self, text: str, form: str) -> None:
-        mechanism = read_mechanism(text)
-        self._unit = 1e-3 * mechanism.unit
-        content = linkage_content(mechanism, '', '', 0.0)
-        linkage = linkage_from_text(file_text('x', 'y', content), form)
+    def __init__(self, entry: Mapping[str, Any], folder: Path) -> None:
+        form = entry['form']
+        output = folder / 'linkage.yaml'
+        assert main([WRITERS[form](read_rows(entry['joints'])), '-o', str(output)]) == 0
+        linkage = linkage_from_file(output)
+        self._unit = 1e-3 * UNITS.get(form, 1.0)
         self._leg = LinkageLeg(linkage)
-        start, end = content['links'][content['crank']][:2]
-        places = content['points']
-        self._start = phase(complex(*places[end]) - complex(*places[start]))
+        points = read_table(output)['points']
+        pivot, pin = linkage.structure.crank.points[:2]
+        self._start = phase(complex(*points[pin]) - complex(*points[pivot]))
 
     def joints(self, rotation: float) -> dict[str, complex]:
         """Return the joints at a rotation of the crank [rad], in the lengths of the text."""
@@ -48,9 +47,11 @@ class ImportedLeg:
 
 
 @pytest.mark.parametrize('entry', TABLES['mechanisms'], ids=named)
-def test_an_imported_linkage_moves_as_its_joints_do(entry: Mapping[str, Any]) -> None:
+def test_an_imported_linkage_moves_as_its_joints_do(
+    entry: Mapping[str, Any], tmp_path: Path
+) -> None:
     rows = read_rows(entry['joints'])
-    leg = ImportedLeg(WRITERS[entry['form']](rows), entry['form'])
+    leg = ImportedLeg(entry, tmp_path)
     mechanism = NaturalCoordinates(rows)
     compared = set()
     for step, (rotation, positions) in enumerate(mechanism.turn(STEPS)):
@@ -66,9 +67,9 @@ def test_an_imported_linkage_moves_as_its_joints_do(entry: Mapping[str, Any]) ->
 
 @pytest.mark.parametrize('entry', TABLES['printed'], ids=named)
 def test_an_imported_linkage_has_the_positions_that_its_source_prints(
-    entry: Mapping[str, Any],
+    entry: Mapping[str, Any], tmp_path: Path
 ) -> None:
-    leg = ImportedLeg(WRITERS[entry['form']](read_rows(entry['joints'])), entry['form'])
+    leg = ImportedLeg(entry, tmp_path)
     for degrees, positions in entry['positions'].items():
         joints = leg.joints(radians(degrees))
         for number, position in positions.items():
