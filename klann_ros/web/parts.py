@@ -15,7 +15,7 @@ import re
 from .markup import element, joined, Markup
 
 SHARED = Path(__file__).resolve().parent / 'static'
-FRAME = tuple(SHARED / f'{name}.css' for name in ('theme', 'base', 'layout', 'cards'))
+FRAME = tuple(SHARED / f'{name}.css' for name in ('theme', 'base', 'layout', 'cards', 'findings'))
 """The styles that every page begins with."""
 
 COMMENT_LINES = re.compile(r'^ *(?:/\*(?:(?!\*/).)*\*/|//[^\n]*)\n', re.DOTALL | re.MULTILINE)
@@ -109,7 +109,9 @@ def compact(content: str) -> str:
     code = re.sub(r'^\s+', '', COMMENT_LINES.sub('', content), flags=re.MULTILINE)
     lines = re.sub(r',\n(?=[)\]}])', '\n', code).splitlines(keepends=True)
     # No loop of these files has an empty body.
-    return re.sub(r';(?=\n?\})', '', ''.join(map(_tight, lines)))
+    tight = re.sub(r';(?=\n?\})', '', ''.join(map(_tight, lines)))
+    # A line that such a character ends, or begins, goes on.
+    return re.sub(r'(?<=[+&|?:(,>])\n|\n(?=[.?:)\]}])', '', tight)
 
 
 def _tight(line: str) -> str:

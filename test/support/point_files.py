@@ -3,7 +3,8 @@
 import json
 from typing import Any
 
-from klann_ros.kinematics import LinkagePose
+from klann_ros.kinematics import GeometryError, KinematicsError, Linkage, LinkageLeg, LinkagePose
+import numpy as np
 
 
 def point_file(pose: LinkagePose, *, directions: bool = False, digits: int = 17) -> str:
@@ -37,3 +38,22 @@ def point_file(pose: LinkagePose, *, directions: bool = False, digits: int = 17)
             'at_change_points': linkage.at_change_points,
         }
     )
+
+
+def smallest_sine(pose: LinkagePose) -> float:
+    return float(np.abs(pose.sines).min())
+
+
+def firm_pose(linkage: Linkage) -> LinkagePose:
+    """Return a pose far from dead points and change points; a GeometryError where it has none."""
+    leg = LinkageLeg(linkage)
+    poses = []
+    for alpha in np.linspace(-3.1, 3.1, 32).tolist():
+        try:
+            poses.append(leg.solve(alpha))
+        except KinematicsError:
+            continue
+    pose = max(poses, key=smallest_sine, default=None)
+    if pose is None or smallest_sine(pose) < 0.03:
+        raise GeometryError('it has no such pose')
+    return pose

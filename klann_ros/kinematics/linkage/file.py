@@ -138,11 +138,10 @@ def content_with_numbers(text: str, linkage: Linkage) -> Any:
     """Return the content of a linkage's file, by bars, with other numbers, in its own units."""
     original = parse(text)
     content = by_bars(original)
-    if content is not original and 'assembly' in content:
+    if 'points' in original and linkage.is_dyadic:
         # The pose of the points may be a dead point.
-        del content['start' if linkage.is_dyadic else 'assembly']
-        if linkage.is_dyadic:
-            content['assembly'] = [*linkage.assembly_at(0.0)]
+        del content['start']
+        content['assembly'] = [*linkage.assembly_at(0.0)]
     units = content.get('units', {})
     metre = LENGTH_UNITS[units.get('length', 'm')]
     radian = radians(1.0) if units.get('angle', 'rad') == 'deg' else 1.0
@@ -329,29 +328,27 @@ def _linkage_from_pose(
     plain: Linkage, start: Sequence[float], signs: Sequence[int] | None
 ) -> Linkage:
     """
-    Return a linkage, which is in any assembly, in the one of its points, by their coordinates.
+    Return a linkage in the assembly of its points; at a dead point, in the one of `signs`.
 
-    Where a dyad is in line, `signs` are decisive. A GeometryError says that they are missing, or
-    that the points are in another assembly.
+    A GeometryError says that these are missing, or that the points are in another assembly.
     """
     u = plain.vectors(start[0], start[1:])
     choices: list[tuple[int, ...]] = []
-    singular = []
-    for block, group in zip(plain.blocks, plain.structure.groups, strict=True):
-        sine = float(block.sine(u))
-        choices.append((1 if sine > 0.0 else -1,))
-        if abs(sine) <= MIN_POSE_SINE:
-            choices[-1] = 1, -1
-            singular.append(' and '.join(plain.structure.angles[j] for j in group))
-    if not singular:
-        return _linkage_from_start(plain, start, signs, in_degrees=True)
+    for block in plain.blocks:
+        sine = block.sine(u)
+        is_in_line = block.two_branches and abs(sine) <= MIN_POSE_SINE
+        choices.append((1, -1) if is_in_line else (1 if sine > 0.0 else -1,))
     modes = [[*mode] for mode in product(*choices)]
+    if len(modes) == 1:
+        return _linkage_from_start(plain, start, signs, in_degrees=True)
     if plain.is_dyadic and signs in modes:
         return plain.in_assembly(signs, start[0])
-    possible = ' or '.join(map(str, modes[:MAX_NAMED])) if plain.is_dyadic else ''
-    advice = f'state one of them by assembly: {possible}' if possible else 'give another pose'
+    group = plain.structure.groups[choices.index((1, -1))]
+    names = ' and '.join(plain.structure.angles[j] for j in group)
+    advice = f'state one of them by assembly: {" or ".join(map(str, modes[:MAX_NAMED]))}'
     raise GeometryError(
-        f'the points are at a dead point of {singular[0]}, from which two motions go on: {advice}'
+        f'the points are at a dead point of {names}, from which two motions go on: '
+        f'{advice if plain.is_dyadic else "give another pose"}'
     )
 
 

@@ -54,7 +54,8 @@ class _Pose:
         self._links = bodies_of(content)
         # The points of each link, the one from which its bars start first.
         self._points: dict[str, list[str]] = {}
-        uses = {'ground': content['ground']}
+        # The key that names each point last.
+        users = dict.fromkeys(content['ground'], 'ground')
         for name, link in self._links.items():
             points = link.get('points', [])
             slides = link.get('slides')
@@ -62,8 +63,9 @@ class _Pose:
             if name == content['crank']:
                 first = next((point for point in points if point in content['ground']), first)
             self._points[name] = [*dict.fromkeys([first, *points])]
-            uses[f'links.{name}'] = [*self._points[name], *([slides['from']] if slides else [])]
-        self._check_names(uses)
+            ends = [slides['from'], slides['to']] if slides else []
+            users |= dict.fromkeys([*points, *ends], f'links.{name}')
+        self._check_names(users)
         origin = next(iter(self._places.values()))
         self._size = max(abs(place - origin) for place in self._places.values())
 
@@ -88,17 +90,15 @@ class _Pose:
         sense = -1.0 if body.get('clockwise') else 1.0
         return body, sense * phase(direction) / self._radian
 
-    def _check_names(self, uses: Mapping[str, list[str]]) -> None:
+    def _check_names(self, users: Mapping[str, str]) -> None:
         """Refuse names of no points, and points that nothing uses."""
-        unused = dict.fromkeys(self._places)
-        for place, names in uses.items():
-            for point in names:
-                if point not in self._places:
-                    there_are = listed(self._places) + did_you_mean(point, self._places)
-                    raise GeometryError(f'{place}: {point} is none of the points: {there_are}')
-                unused.pop(point, None)
-        for point in unused:
-            raise GeometryError(f'points.{point}: it is on no link, and not on the ground')
+        for name, place in users.items():
+            if name not in self._places:
+                there_are = listed(self._places) + did_you_mean(name, self._places)
+                raise GeometryError(f'{place}: {name} is none of the points: {there_are}')
+        for name in self._places:
+            if name not in users:
+                raise GeometryError(f'points.{name}: it is on no link, and not on the ground')
 
     def _vector(self, name: str, start: str, end: str) -> complex:
         vector = self._places[end] - self._places[start]

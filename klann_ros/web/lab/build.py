@@ -31,7 +31,8 @@ SOLVER = (
     _JS_YAML / 'js-yaml.min.js',
     *_scripts(_STATIC_FILES, 'complex structure order linkage dyads blocks solve branch changes'),
     *_scripts(
-        _STATIC_FILES, 'assemblies reach motion quantities yaml yaml_text schema file parameters'
+        _STATIC_FILES,
+        'assemblies reach motion quantities yaml yaml_text schema points file parameters',
     ),
 )
 """What needs no browser: any linkage, solved as the kinematics does."""
@@ -40,12 +41,21 @@ QUANTITY = _scripts(_STATIC_FILES, 'units')
 """The reader of numbers with units, by the table of units that the page has."""
 
 COMMENT = re.compile(r'^ *#.*\n| +#.*$', re.MULTILINE)
+# Two blanks a level, and content in brackets without quotation marks.
+INDENTATION = re.compile(r'^ +', re.MULTILINE)
+FLOW = re.compile(r"""[\[{][^"'\n]*$""", re.MULTILINE)
 LAB_PARTS = Parts(
     is_compact=True,
-    styles=(*FRAME, SHARED / 'drawing.css', SHARED / 'tables.css', _STATIC_FILES / 'lab.css'),
+    # It has no findings.
+    styles=(
+        *FRAME[:-1],
+        SHARED / 'drawing.css',
+        SHARED / 'tables.css',
+        _STATIC_FILES / 'lab.css',
+    ),
     # In this order: each uses what stands above it.
     scripts=(
-        *_scripts(SHARED, 'theme drawing'),
+        *_scripts(SHARED, 'drawing'),
         *SOLVER,
         *QUANTITY,
         *_scripts(_STATIC_FILES, 'texts dragging link model scene panels'),
@@ -70,7 +80,7 @@ def lab_page(exercises: Mapping[str, Any]) -> str:
     style = compact(text(_STATIC_FILES / 'practice.css'))
     practice = {'data': exercises, 'script': script, 'style': style}
     files = {name: text(Path(str(SHIPPED), f'{name}.yaml')) for name in shipped_linkages()}
-    shipped = {name: COMMENT.sub('', file) for name, file in files.items()}
+    shipped = {name: _compact_yaml(file) for name, file in files.items()}
     template = re.sub(r'^ +', '', text(_STATIC_FILES / 'lab.html'), flags=re.MULTILINE)
     return Template(template).substitute(
         policy=LAB_PARTS.policy([script], [style]),
@@ -81,6 +91,13 @@ def lab_page(exercises: Mapping[str, Any]) -> str:
         packed=element('script', Markup(_deflated(practice)), id='packed', type='text/plain'),
         scripts=LAB_PARTS.script_elements(),
     )
+
+
+def _compact_yaml(file: str) -> str:
+    """Return a linkage's file without comments and needless blanks."""
+    text_alone = COMMENT.sub('', file)
+    indented = INDENTATION.sub(lambda match: match[0][::2], text_alone)
+    return FLOW.sub(lambda match: match[0].replace(', ', ','), indented.replace('\n   -', '\n  -'))
 
 
 def _deflated(content: object) -> str:

@@ -15,12 +15,12 @@
  *   new DrawnLeg(drawing, shape, {className: 'leg' | 'ghost', hasLetters})
  *     .show(points | null)                    moves it there, or hides it
  *     .joints[i]                              the node of a point: circle.joint, or rect.pivot
- *   fixedText(number, digits) -> text         as toFixed, and no number is -0
  *
  * `shape` is what klann_ros.web.shape.leg_shape returns. Colours are those of theme.css; the styles
  * of lines are in drawing.css: own-path, recorded-path, trail, recorded-foot.
  */
 
+const BODY_COLOURS = 7;
 const SVG = 'http://www.w3.org/2000/svg';
 // Of a drawing, before it is scaled to its place.
 const WIDTH = 640;
@@ -76,11 +76,6 @@ class Drawing {
       .map((v) => v.toFixed(2))
       .join(' ');
   }
-}
-
-/** Return a number with some digits after the point, and 0 without a sign. */
-function fixedText(number, digits) {
-  return number.toFixed(digits).replace(/^-(?=[0.]+$)/, '');
 }
 
 /** The moving part of a drawing. */

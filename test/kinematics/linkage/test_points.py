@@ -6,7 +6,6 @@ from typing import Any
 from klann_ros.kinematics import (
     content_with_numbers,
     GeometryError,
-    KinematicsError,
     Linkage,
     linkage_from_text,
     linkage_poses,
@@ -18,7 +17,7 @@ from klann_ros.kinematics import (
 )
 from klann_ros.sanitize.yaml_text import dump
 import numpy as np
-from point_files import point_file
+from point_files import firm_pose, point_file
 import pytest
 from random_linkages import random_linkage
 from yaml_tables import read_table
@@ -27,25 +26,6 @@ ALPHAS = np.linspace(-3.0, 3.0, 61)
 FOLDER = Path(__file__).parent
 FILES = read_table(FOLDER / 'point_files.yaml')
 FOUR_BAR = FILES['four-bar']
-
-
-def smallest_sine(pose: LinkagePose) -> float:
-    return float(np.abs(pose.sines).min())
-
-
-def firm_pose(linkage: Linkage) -> LinkagePose:
-    """Return a pose that is far from every dead point and change point."""
-    leg = LinkageLeg(linkage)
-    poses = []
-    for alpha in np.linspace(-3.1, 3.1, 32).tolist():
-        try:
-            poses.append(leg.solve(alpha))
-        except KinematicsError:
-            continue
-    pose = max(poses, key=smallest_sine, default=None)
-    if pose is None or smallest_sine(pose) < 0.03:
-        raise GeometryError('it has no such pose')
-    return pose
 
 
 def assert_same_motion(linkage: Linkage, pose: LinkagePose) -> None:

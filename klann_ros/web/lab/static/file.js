@@ -15,8 +15,9 @@ function readFile(text, klannText) {
   return fromContent(content);
 }
 
-function fromContent(content) {
-  checkLinkageContent(content);
+function fromContent(written) {
+  checkLinkageContent(written);
+  const content = byBars(written);
   const { metre, turn, inDegrees } = unitsOf(content);
   const order = orderOf(content);
   refuseUnless(
@@ -42,7 +43,10 @@ function fromContent(content) {
   const start = structure.bodies.map(
     (body) => (body.slides ? metre : turn) * content.start[body.name],
   );
-  const linkage = reachedFrom(plain, start, content.assembly, inDegrees);
+  const linkage =
+    content === written
+      ? reachedFrom(plain, start, content.assembly, inDegrees)
+      : atPoints(plain, start, content.assembly);
   if (!linkage.isDyadic) void linkage.branch;
   return { linkage, content, start: start[0] };
 }
@@ -141,11 +145,8 @@ function nearestAssembly(linkage, start) {
 
 /** Return a linkage without a start in the assembly that is stated, if it closes anywhere. */
 function stated(plain, signs) {
-  refuseUnless(
-    plain.isDyadic,
-    'it has no start, which its coupled loops need: no assembly tells their branch',
-    'falta o start, de que as suas malhas acopladas precisam: nenhuma montagem diz o seu ramo',
-  );
+  // Refused: coupled loops need a start.
+  if (!plain.isDyadic) void plain.start;
   const count = plain.blocks.length;
   const linkage = signs.length === count ? plain.with(plain.numbers, { signs }) : null;
   refuseUnless(
@@ -198,8 +199,5 @@ function inUnit(value, unit) {
 
 function structuredCopy(value) {
   if (Array.isArray(value)) return value.map(structuredCopy);
-  if (!isMapping(value)) return value;
-  const copy = Object.create(null);
-  for (const key of Object.keys(value)) copy[key] = structuredCopy(value[key]);
-  return copy;
+  return isMapping(value) ? mapped(value, structuredCopy) : value;
 }

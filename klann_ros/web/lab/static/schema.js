@@ -17,44 +17,35 @@ function isMapping(value) {
   return typeof value === 'object' && value !== null && !Array.isArray(value);
 }
 
+function must(condition, value, place, en, pt) {
+  if (!condition) wrong(place, `${short(value)} must be ${en}`, `${short(value)} tem de ser ${pt}`);
+}
+
 // Each rule takes a value and its place.
 
 function aMapping(value, place) {
-  if (!isMapping(value))
-    wrong(place, `${short(value)} must be a mapping`, `${short(value)} tem de ser um mapeamento`);
+  must(isMapping(value), value, place, 'a mapping', 'um mapeamento');
 }
 
 function aNumber(value, place) {
-  if (typeof value !== 'number')
-    wrong(place, `${short(value)} must be a number`, `${short(value)} tem de ser um número`);
-  if (Math.abs(value) > LARGEST_NUMBER)
-    wrong(
-      place,
-      `${short(value)} must be within +-1e+60`,
-      `${short(value)} tem de estar entre +-1e+60`,
-    );
+  must(typeof value === 'number', value, place, 'a number', 'um número');
+  must(Math.abs(value) <= LARGEST_NUMBER, value, place, 'within +-1e+60', 'de -1e+60 a 1e+60');
 }
 
 function aLength(value, place) {
   aNumber(value, place);
-  if (!(value > 0)) wrong(place, `${short(value)} must be > 0`, `${short(value)} tem de ser > 0`);
+  must(value > 0, value, place, '> 0', '> 0');
 }
 
 function anAmount(value, place) {
   aNumber(value, place);
-  if (!(value >= 0))
-    wrong(place, `${short(value)} must be >= 0`, `${short(value)} tem de ser >= 0`);
+  must(value >= 0, value, place, '>= 0', '>= 0');
 }
 
 function aLengthUpTo(limit) {
   return (value, place) => {
     aLength(value, place);
-    if (value > limit)
-      wrong(
-        place,
-        `${short(value)} must be <= ${limit}`,
-        `${short(value)} tem de ser <= ${limit}`,
-      );
+    must(value <= limit, value, place, `<= ${limit}`, `<= ${limit}`);
   };
 }
 
@@ -73,8 +64,7 @@ function aMaterial(value, place) {
 }
 
 function aText(value, place) {
-  if (typeof value !== 'string')
-    wrong(place, `${short(value)} must be a text`, `${short(value)} tem de ser um texto`);
+  must(typeof value === 'string', value, place, 'a text', 'um texto');
 }
 
 function aTitle(value, place) {
@@ -89,38 +79,40 @@ function aTitle(value, place) {
 }
 
 function truth(value, place) {
-  if (typeof value !== 'boolean')
-    wrong(
-      place,
-      `${short(value)} must be true or false`,
-      `${short(value)} tem de ser true ou false`,
-    );
+  must(typeof value === 'boolean', value, place, 'true or false', 'true ou false');
 }
 
 function oneOf(...values) {
-  return (value, place) => {
-    if (!values.includes(value))
-      wrong(
-        place,
-        `${short(value)} must be one of ${values.join(', ')}`,
-        `${short(value)} tem de ser um de ${values.join(', ')}`,
-      );
-  };
+  const names = values.join(', ');
+  return (value, place) =>
+    must(values.includes(value), value, place, `one of ${names}`, `um de ${names}`);
+}
+
+function atLeast(least, values, place) {
+  if (values.length < least)
+    wrong(place, `there must be ${least} or more`, `tem de haver ${least} ou mais`);
 }
 
 function listOf(rule, least) {
   return (value, place) => {
-    if (!Array.isArray(value))
-      wrong(place, `${short(value)} must be a list`, `${short(value)} tem de ser uma lista`);
-    if (value.length < least)
-      wrong(place, `there must be ${least} or more`, `tem de haver ${least} ou mais`);
+    must(Array.isArray(value), value, place, 'a list', 'uma lista');
+    atLeast(least, value, place);
     value.forEach((item, i) => rule(item, `${place}[${i}]`));
   };
 }
 
+function names(value, place) {
+  listOf(aName, 1)(value, place);
+  if (value.length > 200 || new Set(value).size < value.length)
+    wrong(
+      place,
+      'there must be 200 names or fewer, each of them once',
+      'tem de haver até 200 nomes, cada um uma só vez',
+    );
+}
+
 function aPoint(value, place) {
-  if (!Array.isArray(value) || value.length !== 2)
-    wrong(place, `${short(value)} must be [x, y]`, `${short(value)} tem de ser [x, y]`);
+  must(Array.isArray(value) && value.length === 2, value, place, '[x, y]', '[x, y]');
   value.forEach((item, i) => aNumber(item, `${place}[${i}]`));
 }
 
@@ -137,8 +129,7 @@ function mapOf(rule, least) {
   return (value, place) => {
     aMapping(value, place);
     const keys = Object.keys(value);
-    if (keys.length < least)
-      wrong(place, `there must be ${least} or more`, `tem de haver ${least} ou mais`);
+    atLeast(least, keys, place);
     for (const key of keys) {
       aName(key, place);
       rule(value[key], `${place}.${key}`);
@@ -184,7 +175,7 @@ function aBar(value, place) {
     wrong(place, 'bend and brace exclude each other', 'bend e brace excluem-se');
 }
 
-const BODY_RULES = record([], {
+const BODY_KEYS = {
   slides: record(['along', 'from', 'to'], {
     along: aName,
     from: aName,
@@ -195,19 +186,29 @@ const BODY_RULES = record([], {
   centre: aPoint,
   inertia: anAmount,
   clockwise: truth,
-  bars: listOf(aBar, 1),
-});
+};
 
-function aBody(value, place) {
-  BODY_RULES(value, place);
-  if (!('bars' in value || 'slides' in value)) wrong(place, 'bars are missing', 'faltam bars');
+/** Return the rule of a body that has a list under a key, unless it slides. */
+function bodyRule(key, list) {
+  const rules = record([], { ...BODY_KEYS, [key]: list });
+  return (value, place) => {
+    rules(value, place);
+    if (!(key in value || 'slides' in value))
+      wrong(place, `it must have ${key}, or slides`, `falta ${key}, ou slides`);
+  };
 }
 
-const LINKAGE_RULES = record(['name', 'pivots', 'crank', 'foot', 'bodies'], {
+const LINK_RULES = bodyRule('points', names);
+
+function aLink(value, place) {
+  if (Array.isArray(value)) names(value, place);
+  else LINK_RULES(value, place);
+}
+
+const LINKAGE_KEYS = {
   name: aTitle,
   source: aText,
   units: record([], { length: oneOf('m', 'cm', 'mm'), angle: oneOf('rad', 'deg') }),
-  pivots: mapOf(aPoint, 1),
   crank: aName,
   foot: aName,
   leg: truth,
@@ -245,15 +246,30 @@ const LINKAGE_RULES = record(['name', 'pivots', 'crank', 'foot', 'bodies'], {
     }),
     0,
   ),
-  bodies: mapOf(aBody, 1),
-  start: mapOf(aNumber, 0),
   assembly: listOf(oneOf(1, -1), 1),
   at_change_points: oneOf(PARALLEL, CROSSED, SIGN),
+};
+const BAR_FORM = record(['name', 'pivots', 'crank', 'foot', 'bodies'], {
+  ...LINKAGE_KEYS,
+  pivots: mapOf(aPoint, 1),
+  bodies: mapOf(bodyRule('bars', listOf(aBar, 1)), 1),
+  start: mapOf(aNumber, 0),
+});
+const POINT_FORM = record(['name', 'points', 'ground', 'crank', 'foot', 'links'], {
+  ...LINKAGE_KEYS,
+  points: mapOf(aPoint, 1),
+  ground: names,
+  links: mapOf(aLink, 1),
 });
 
 /** Refuse content that is no linkage's file. */
 function checkLinkageContent(content) {
-  LINKAGE_RULES(content, '');
+  aMapping(content, '');
+  if ('points' in content || 'ground' in content || 'links' in content) {
+    POINT_FORM(content, '');
+    return;
+  }
+  BAR_FORM(content, '');
   if (!('start' in content || 'assembly' in content))
     wrong(
       '',

@@ -106,14 +106,14 @@ function checkBody(body) {
 }
 
 function checkSlides({ bodies, pivots, angles }) {
+  refuseUnless(
+    !angles.includes(GROUND),
+    `a body cannot be called ${GROUND}`,
+    `um corpo não pode chamar-se ${GROUND}`,
+  );
   for (const body of bodies.filter(({ slides }) => slides)) {
     const en = `${body.name} slides along ${body.along}`;
     const pt = `${body.name} desliza ao longo de ${body.along}`;
-    refuseUnless(
-      body.name !== GROUND,
-      `a body cannot be called ${GROUND}`,
-      `um corpo não pode chamar-se ${GROUND}`,
-    );
     const carrier = bodies[angles.indexOf(body.along)];
     refuseUnless(
       carrier || body.along === GROUND,
