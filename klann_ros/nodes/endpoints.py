@@ -32,7 +32,7 @@ from rclpy.qos import (
     ReliabilityPolicy,
 )
 from rclpy.topic_endpoint_info import TopicEndpointInfo
-from rclpy.type_support import check_is_valid_msg_type, check_is_valid_srv_type
+from rclpy.type_support import check_is_valid_msg_type
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from std_srvs.srv import Trigger
 
@@ -95,17 +95,16 @@ def name_refusal(name: str) -> str:
     return ''
 
 
-def message_class(type_name: str, *, is_service: bool = False) -> Any:
+def message_class(type_name: str) -> Any:
     """
-    Return the class of a message type such as `sensor_msgs/msg/JointState`, or of a service type.
+    Return the class of a message type such as `sensor_msgs/msg/JointState`.
 
     An import runs code, so only installed packages of interfaces are imported. A module of the
     same name earlier on Python's path, as in PYTHONPATH, is out of scope. UnknownMessageTypeError
     if the type is malformed or not installed.
     """
     printable_name = printable(type_name)
-    module = 'srv' if is_service else 'msg'
-    package_and_name = split_type(type_name.replace(f'/{module}/', '/msg/'))
+    package_and_name = split_type(type_name)
     if package_and_name is None:
         raise UnknownMessageTypeError(
             f"'{printable_name}' is no message type, such as std_msgs/msg/String"
@@ -114,9 +113,9 @@ def message_class(type_name: str, *, is_service: bool = False) -> Any:
     kind = None
     try:
         if is_installed(package):
-            kind = getattr(import_module(f'{package}.{module}'), name, None)
+            kind = getattr(import_module(f'{package}.msg'), name, None)
         if kind is not None:
-            (check_is_valid_srv_type if is_service else check_is_valid_msg_type)(kind)
+            check_is_valid_msg_type(kind)
     # A partly installed package may raise anything.
     except Exception as error:
         reason = f"message type '{printable_name}' cannot be used: {printable(error)}"
@@ -299,9 +298,9 @@ def node_of(endpoint: TopicEndpointInfo) -> str:
 
 
 def other_publishers(node: Node, topic: str) -> set[str]:
-    """Return the other nodes that publish a topic (full name), as far as they are discovered."""
+    """Return the other nodes that publish a topic; '' for those that are not yet discovered."""
     publishers = {*map(node_of, node.get_publishers_info_by_topic(topic))}
-    return publishers - {node.get_fully_qualified_name(), ''}
+    return publishers - {node.get_fully_qualified_name()}
 
 
 def overridden(node: Node, topic: str, kind: str, profile: QoSProfile) -> QoSProfile:

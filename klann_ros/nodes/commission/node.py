@@ -14,7 +14,7 @@ from klann_ros.gait import Feet, NoWalkerError
 from klann_ros.messages import JointReading
 from klann_ros.nodes.crank_output import CrankOutput
 from klann_ros.nodes.encoders import subscribe_cranks
-from klann_ros.nodes.endpoints import create_steady_timer, node_of, QOS_USAGE, TypeCheck
+from klann_ros.nodes.endpoints import create_steady_timer, other_publishers, QOS_USAGE, TypeCheck
 from klann_ros.nodes.keyboard import Keyboard
 from klann_ros.nodes.leg_declarations import ENCODER_REMEDIES
 from klann_ros.nodes.parameters import declare, require, StartError, usage
@@ -181,8 +181,7 @@ class CommissionNode(ProcessNode):
         """Return why no crank may turn, '' if it may."""
         waiting_time = now - self._start_time
         topic = self.resolve_topic_name('crank_command')
-        publishers = {*map(node_of, self.get_publishers_info_by_topic(topic))}
-        publishers.discard(self.get_fully_qualified_name())
+        publishers = other_publishers(self, topic)
         # Discovery knows a publisher before its node; no crank turns before its end.
         is_discovered = '' not in publishers or waiting_time > DISCOVERY_TIME
         if is_discovered and (publishers or self.count_publishers(topic) > 1):

@@ -7,14 +7,8 @@ from time import monotonic
 from typing import Any
 
 from klann_ros.cli import ArgumentParser
-from klann_ros.nodes.endpoints import (
-    create_publisher,
-    create_steady_timer,
-    flush,
-    other_publishers,
-    publish_last,
-    QOS_USAGE,
-)
+from klann_ros.nodes import endpoints
+from klann_ros.nodes.endpoints import create_publisher, create_steady_timer, flush, QOS_USAGE
 from klann_ros.nodes.lease import LeaseListener
 from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
@@ -39,28 +33,22 @@ class CrankPublisher:
     """Publisher of the crank's angle, or of angle and rate as a joint's state."""
 
     def __init__(self, node: Node, output: str, crank_joint: str) -> None:
-        self._is_state = output != 'crank_angle'
         # Whether a motor listens, which must stand at the end.
         self.is_command = output == 'crank_command'
-        kind = JointState if self._is_state else Float64
+        self.is_state = self.is_command or output == 'crank_state'
+        kind = JointState if self.is_state else Float64
         self.publisher: Any = create_publisher(node, kind, output)
-        self._state = JointState(name=[crank_joint])
+        self.state = JointState(name=[crank_joint])
 
     def publish(self, angle: float, rate: float, time: Time) -> None:
         """Publish angle [rad] and rate [rad/s] at a time."""
-        if not self._is_state:
+        if not self.is_state:
             self.publisher.publish(Float64(data=angle))
             return
-        self._state.header.stamp = time.to_msg()
-        self._state.position = array('d', [angle])
-        self._state.velocity = array('d', [rate])
-        self.publisher.publish(self._state)
-
-    def stop(self) -> None:
-        """Publish a rate of 0 at the last angle, if there was one."""
-        self._state.velocity = array('d', [0.0])
-        if self._state.position:
-            publish_last(self.publisher, self._state)
+        self.state.header.stamp = time.to_msg()
+        self.state.position = array('d', [angle])
+        self.state.velocity = array('d', [rate])
+        self.publisher.publish(self.state)
 
 
 class DriverListener:
@@ -114,9 +102,10 @@ class CrankNode(ProcessNode):
         self.get_logger().info(f'ready: {self._summary(parameters)}')
 
     def close(self) -> int:
-        """Stop the motor of a crank that was commanded."""
-        if self._output.is_command:
-            self._output.stop()
+        """Let a motor stand that was commanded."""
+        if self._output.is_command and self._sent_count:
+            self._output.state.velocity = array('d', [0.0])
+            endpoints.publish_last(self._output.publisher, self._output.state)
         return 0
 
     def _summary(self, parameters: Mapping[str, Any]) -> str:
@@ -150,9 +139,9 @@ class CrankNode(ProcessNode):
             self._begin = now + DISCOVERY_TIME
         if now >= self._begin:
             self._start_timer.cancel()
-            topic = self._output.publisher.topic_name
-            if self._output.is_command and (others := other_publishers(self, topic)):
-                self.get_logger().error(f'{listed(others, 3)} publishes {topic}: end it first')
+            others = endpoints.other_publishers(self, self._output.publisher.topic_name)
+            if self._output.is_command and others:
+                self.get_logger().error(f'{listed(others)} publishes crank_command: end it first')
                 self._finish(1)
                 return
             self._begin = now
@@ -201,8 +190,8 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
     parser = ArgumentParser(
         'crank_node',
-        'Drive the crank: publish its angle on crank_angle, or angle and rate on crank_state or, '
-        'for a motor, on crank_command, which ends with a rate of 0.',
+        'Drive the crank: publish its angle on crank_angle, or angle and rate on crank_state, '
+        'or crank_command, which ends with a rate of 0.',
         f'{usage({"": [*MOTION, *CRANK_PARAMETERS]})}\n{QOS_USAGE}',
     )
     arguments(parser, argv)
