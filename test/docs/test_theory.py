@@ -211,7 +211,8 @@ class Newton:
 
 def test_3_corrections_of_a_warm_start() -> None:
     steps = (0.1, 1.0, 5.0, 20.0)
-    for order, row in enumerate(table('from the last pose')):
+    assert says('After 1° it takes 3.00 corrections in the mean, and the last pose 4.00')
+    for order, row in enumerate([[3.28, 4.00, 4.81, 5.26], [2.43, 3.00, 3.69, 4.45]]):
         for step, mean in zip(steps, row, strict=True):
             spent, is_right = Newton().corrections(math.radians(step), order)
             assert is_right
@@ -334,8 +335,15 @@ def test_6_the_foot_paths() -> None:
 
 def test_6_the_margins() -> None:
     margins = length_margins(LEG.geometry)
-    names = ('l_bc', 'x_d', 'l_dc', 'l_ab', 'l_fg')
-    for name, row in zip(names, table('$L_{BC}$'), strict=True):
+    # Value, least and greatest [mm], and both margins [%].
+    rows = {
+        'l_bc': [350, 341.386, 381.386, -2.46, 8.97],
+        'x_d': [350, 317.490, 358.887, -9.29, 2.54],
+        'l_dc': [140, 131.386, 495.781, -6.15, 254.13],
+        'l_ab': [120, 0, 128.614, -100.00, 7.18],
+        'l_fg': [360, 280.030, 557.533, -22.21, 54.87],
+    }
+    for name, row in rows.items():
         margin = margins[name]
         lengths = 1e3 * np.array([margin.value, margin.least, margin.greatest])
         expected = [*lengths.round(3), *100 * np.array(margin.relative)]
