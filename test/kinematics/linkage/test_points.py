@@ -146,3 +146,26 @@ def test_points_and_bodies_are_bounded() -> None:
     start = '  P: [60, 60]\n'
     with pytest.raises(LinkageFileError, match='points: there must be 500 or fewer'):
         linkage_from_text(edited(FOUR_BAR, (start, start + many)), 'many')
+
+
+def coupler_directions(linkage: Linkage) -> list[complex]:
+    """Return B - A before and after the pose in line, at 0.64 rad [m]."""
+    leg = LinkageLeg(linkage)
+    directions = []
+    for alpha in (0.3, 1.0):
+        points = dict(zip(linkage.structure.points, leg.solve(alpha).points, strict=True))
+        directions.append(complex(*(points['B'] - points['A'])))
+    return directions
+
+
+def test_a_change_point_is_left_as_the_assembly_states() -> None:
+    ground = pytest.approx(0.160 + 0.120j, abs=1e-9)
+    text = f'{FILES["parallelogram"]}assembly: [1]\n'
+    parallel = linkage_from_text(text, 'parallel')
+    crossed = linkage_from_text(text.replace('[1]', '[-1]'), 'crossed')
+    assert coupler_directions(parallel) == [ground, ground]
+    assert ground not in coupler_directions(crossed)
+    for linkage in (parallel, crossed):
+        written = linkage_from_text(dump(content_with_numbers(text, linkage)), 'written')
+        directions = pytest.approx(coupler_directions(linkage), abs=1e-9)
+        assert coupler_directions(written) == directions

@@ -121,3 +121,16 @@ def test_at_a_dead_point_the_assembly_is_stated() -> None:
     assert plus['signs'] == [1]
     assert minus['signs'] == [-1]
     assert 'at a dead point' in many['refused'][0]
+
+
+def test_a_change_point_is_left_as_the_assembly_states() -> None:
+    cases = {}
+    for sign in ('1', '-1'):
+        text = f'{FILES["parallelogram"]}assembly: [{sign}]\n'
+        numbers = linkage_from_text(text, 'points').numbers
+        cases[sign] = {'text': text, 'cases': [{'numbers': numbers, 'alphas': [0.3, 1.0]}]}
+    answers = in_node(POSES, {'klann': {'text': TEXTS['klann'], 'cases': []}, **cases})
+    for sign, case in cases.items():
+        expected = linkage_poses(linkage_from_text(case['text'], sign), [0.3, 1.0], points=True)
+        points = [pose['points'] for pose in answers[sign][0]]
+        np.testing.assert_allclose(points, expected.points, rtol=0, atol=1e-9)
