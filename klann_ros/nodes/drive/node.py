@@ -4,7 +4,6 @@ import argparse
 from collections.abc import Callable, Generator, Mapping, Sequence
 from functools import partial
 from inspect import signature
-from itertools import pairwise
 from math import isfinite
 import os
 import struct
@@ -17,11 +16,10 @@ from klann_ros.log import definition
 from klann_ros.messages import ANGLE_TYPES, MessageType, parse_definition, TWIST, TWIST_STAMPED
 from klann_ros.nodes import endpoints
 from klann_ros.nodes.crank_output import standstill
-from klann_ros.nodes.endpoints import node_of
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
 from klann_ros.sanitize import yaml_text
 from klann_ros.sanitize.quantity import read_quantity
-from klann_ros.sanitize.text import did_you_mean, listed, printable
+from klann_ros.sanitize.text import listed, printable
 from klann_ros.stop_signals import StopSignals
 from rclpy.qos import qos_profile_best_available
 from std_srvs.srv import Trigger
@@ -31,9 +29,10 @@ PERIOD = 0.05
 DISCOVERY_TIME = 0.7
 TIMEOUT = 5.0
 DURATION = 5.0
+JOINT_STATE = 'sensor_msgs/msg/JointState'
 EXAMPLES = """\
 examples:
-  drive list                               topics, their types and nodes; list TEXT: some of them
+  drive list                               topics, types, nodes; list odom: some
   drive echo joint_states --once           the next message; a latched one too
   drive hz crank_state                     messages a second
   drive crank 60deg                        an angle, to a solver
@@ -89,32 +88,33 @@ def _await(condition: Callable[[], Any], problem: str) -> Steps:
         yield
 
 
-def _message_type(topic: str, ends: Sequence[Any]) -> tuple[Any, MessageType]:
-    """Return the class and the fields of the messages of a topic."""
-    names = sorted({end.topic_type for end in ends})
+def _find(node: DriveNode, topic: str, role: str) -> Steps:
+    """Wait for 'publishers' or 'subscriptions'; return their full topic, class and fields."""
+    topic = node.resolve_topic_name(topic)
+    find = getattr(node, f'get_{role}_info_by_topic')
+    yield from _await(partial(find, topic), f'{topic} has no {role}')
+    yield from _pause(DISCOVERY_TIME)
+    names = sorted({end.topic_type for end in find(topic)})
     if len(names) != 1:
         raise ValueError(f'{topic} has several types: {listed(names)}')
     kind = endpoints.message_class(names[0])
     name = names[0].replace('/msg/', '/')
     definitions = dict(parse_definition(definition(names[0]), 'ros2msg'))
     definitions[name] = definitions.pop('', [])
-    return kind, MessageType(name, definitions)
+    return topic, kind, MessageType(name, definitions)
 
 
-def _send(node: DriveNode, topic: str, contents: Mapping[str, Any], duration: float) -> Steps:
-    """Publish fields, by the type that is taken ('': any), for a time [s], or once; then zero."""
-    topic = node.resolve_topic_name(topic)
-    yield from _await(lambda: node.count_subscribers(topic), f'no node listens to {topic}')
-    yield from _pause(DISCOVERY_TIME)
-    kind, message_type = _message_type(topic, node.get_subscriptions_info_by_topic(topic))
+def _send(node: DriveNode, topic: str, contents: Mapping[str, Any]) -> Steps:
+    """Publish fields, by the type that is taken ('': any), for a time, or once; then zero."""
+    topic, kind, message_type = yield from _find(node, topic, 'subscriptions')
     fields = contents.get(message_type.name, contents.get(''))
     if fields is None:
         raise ValueError(f'{topic} is taken as {message_type.name}, not as {listed(contents)}')
     message = partial(_message, node, message_type, fields)
-    message()  # before anybody sees a publisher
+    moves = standstill(topic, kind, message()) is not None
     publisher = endpoints.create_publisher(node, kind, topic)
     yield from _pause(DISCOVERY_TIME)
-    end = monotonic() + (node.options.duration or duration)
+    end = monotonic() + (node.options.duration or DURATION * moves)
     is_sent = False
     try:
         while not is_sent or monotonic() < end:
@@ -125,9 +125,8 @@ def _send(node: DriveNode, topic: str, contents: Mapping[str, Any], duration: fl
             yield
         endpoints.flush([publisher])
     finally:
-        last = standstill(topic, kind, message()) if is_sent else None
-        if last is not None:
-            endpoints.publish_last(publisher, last)
+        if is_sent and moves:
+            endpoints.publish_last(publisher, standstill(topic, kind, message()))
 
 
 def _message(node: DriveNode, message_type: MessageType, fields: Any) -> bytes:
@@ -136,8 +135,7 @@ def _message(node: DriveNode, message_type: MessageType, fields: Any) -> bytes:
         raise TypeError("fields are needed, such as '{data: 1}'")
     paths = [field.path for field in message_type.fields]
     for path in fields.keys() - {*paths}:
-        hint = did_you_mean(path, paths) or f'; there are {listed(paths)}'
-        raise ValueError(f'there is no field {printable(path)}{hint}')
+        raise ValueError(f'there is no field {printable(path)}; there are {listed(paths)}')
     if 'header.stamp.sec' in paths:
         stamp = node.get_clock().now().seconds_nanoseconds()
         fields |= dict(zip(('header.stamp.sec', 'header.stamp.nanosec'), stamp, strict=True))
@@ -148,25 +146,21 @@ def _message(node: DriveNode, message_type: MessageType, fields: Any) -> bytes:
 
 
 def _crank(node: DriveNode, *quantities: str) -> Steps:
-    pairs = [argument.rpartition('=')[::2] for argument in quantities]
-    readings = {}
-    for unit in ('rad', 'rad/s'):
-        numbers = [read_quantity(text, unit) for _, text in pairs]
+    names = [argument.rpartition('=')[0] for argument in quantities]
+    state: dict[str, Any] = {'name': [name or 'crank' for name in names]}
+    for field, unit in (('position', 'rad'), ('velocity', 'rad/s')):
+        numbers = [read_quantity(text.rpartition('=')[2], unit) for text in quantities]
         if all(number is not None and isfinite(number) for number in numbers):
-            readings[unit] = numbers
-    if len(readings) != 1:
+            state[field] = numbers
+    if len(state) != 2:
         raise ValueError('all are angles or all are rates, with a unit: 60deg, or left=0.5rad/s')
-    state: dict[str, Any] = {'name': [joint or 'crank' for joint, _ in pairs]}
-    contents = {'sensor_msgs/msg/JointState': state}
-    if 'rad/s' in readings:
-        state['velocity'] = readings['rad/s']
-        yield from _send(node, 'crank_command', contents, DURATION)
-    elif len(pairs) > 1 or pairs[0][0]:
-        state['position'] = readings['rad']
-        yield from _send(node, 'crank_state', contents, 0.0)
+    if 'velocity' in state:
+        yield from _send(node, 'crank_command', {JOINT_STATE: state})
+    elif any(names):
+        yield from _send(node, 'crank_state', {JOINT_STATE: state})
     else:
-        angle = {'data': readings['rad'][0]}
-        yield from _send(node, 'crank_angle', dict.fromkeys(ANGLE_TYPES, angle), 0.0)
+        angle = {'data': state['position'][0]}
+        yield from _send(node, 'crank_angle', dict.fromkeys(ANGLE_TYPES, angle))
 
 
 def _walk(node: DriveNode, speed: str) -> Steps:
@@ -174,31 +168,25 @@ def _walk(node: DriveNode, speed: str) -> Steps:
     twist = {'linear.x': number, 'angular.z': node.options.turn}
     contents = {TWIST.name: twist}
     contents[TWIST_STAMPED.name] = {f'twist.{path}': twist[path] for path in twist}
-    yield from _send(node, 'cmd_vel', contents, DURATION)
+    yield from _send(node, 'cmd_vel', contents)
 
 
 def _pub(node: DriveNode, topic: str, content: str) -> Steps:
-    yield from _send(node, topic, {'': yaml_text.parse(content)}, 0.0)
+    yield from _send(node, topic, {'': yaml_text.parse(content)})
 
 
 def _echo(node: DriveNode, topic: str) -> Steps:
-    """Print the messages of a topic, or their rate."""
-    topic = node.resolve_topic_name(topic)
-    yield from _await(lambda: node.count_publishers(topic), f'no node publishes {topic}')
-    kind, message_type = _message_type(topic, node.get_publishers_info_by_topic(topic))
-    received: list[tuple[float, bytes]] = []
-
-    def take(data: bytes) -> None:
-        received.append((monotonic(), data))
-
-    node.create_subscription(kind, topic, take, qos_profile_best_available, raw=True)
+    """Print the messages of a topic, or their number every second."""
+    topic, kind, message_type = yield from _find(node, topic, 'publishers')
+    received: list[bytes] = []
+    qos = qos_profile_best_available
+    node.create_subscription(kind, topic, received.append, qos, raw=True)
     while node.options.command == 'hz':
         yield from _pause(1.0)
-        gap = max((later[0] - earlier[0] for earlier, later in pairwise(received)), default=0.0)
-        print(f'{len(received)} a second, longest gap {1e3 * gap:.0f} ms', flush=True)
+        print(f'{len(received)} a second', flush=True)
         received.clear()
     while True:
-        for _, data in received:
+        for data in received:
             _print(message_type.read(data), node.options.field)
             if node.options.once:
                 return
@@ -226,7 +214,7 @@ def _list(node: DriveNode, text: str = '') -> Steps:
             print(f'{topic}  {listed(types)}')
             for verb in ('publishers', 'subscriptions'):
                 ends = getattr(node, f'get_{verb}_info_by_topic')(topic)
-                print(f'    {verb}: {listed(sorted({*map(node_of, ends)}))}')
+                print(f'    {verb}: {listed(sorted({*map(endpoints.node_of, ends)}))}')
 
 
 def _call(node: DriveNode, service: str) -> Steps:
