@@ -1,8 +1,10 @@
 """What the lab saves solver_node loads, files mean the same to both, and bombs do nothing."""
 
+from collections.abc import Iterator
 from importlib import resources
 import json
 from pathlib import Path
+import re
 from typing import Any
 
 from klann_ros.kinematics import KlannGeometry, shipped_linkage, shipped_linkages
@@ -137,6 +139,29 @@ def test_refused_files_have_a_reason_in_one_line() -> None:
     texts = [*FILES['refused'], *BOMBS]
     for text, answer in zip(texts, read_in_node(texts, is_yaml=True), strict=True):
         assert 'refused' in answer, text[:40]
+
+
+PATTERNS = """
+function answer({ patterns, texts }) {
+  return patterns.map((pattern) => texts.map((text) => new RegExp(pattern, 'u').test(text)));
+}
+"""
+
+
+def patterns_in(schema: Any) -> Iterator[str]:
+    if isinstance(schema, dict):
+        if isinstance(schema.get('pattern'), str):
+            yield schema['pattern']
+        for part in schema.values():
+            yield from patterns_in(part)
+
+
+def test_patterns_mean_the_same_to_editors() -> None:
+    patterns = [*patterns_in(SCHEMA)]
+    texts = ['A', 'a_1', 'A\n', '1a', '', "Watt's linkage", 'a\x00', 'a\nb']
+    expected = [[bool(re.search(pattern, text)) for text in texts] for pattern in patterns]
+    assert in_node(PATTERNS, {'patterns': patterns, 'texts': texts}) == expected
+    assert [True, True, False, False, False, False, False, False] in expected
 
 
 MARKS = [
