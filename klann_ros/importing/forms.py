@@ -131,14 +131,12 @@ def _read_linkage2(text: str) -> list[Joint]:
     for slider in root.iterfind('connector[@slider="true"]'):
         name = slider.get('id', '')
         ends = [joints[limit.get('id', '')] for limit in slider.iterfind('slidelimit')]
-        if len(ends) != 2:
-            raise ValueError(f'connector {printable(name, 60)} slides between no two others')
-        first, second = ends
-        carrier = next(iter([link for link in first.links if link in second.links]), GROUND)
-        way = second.position - first.position
+        carriers = [link for link in ends[0].links if link in ends[-1].links] if ends else []
+        if len(ends) != 2 or not carriers:
+            raise ValueError(f'connector {printable(name, 60)} slides between no points of a link')
+        way = ends[1].position - ends[0].position
         joint = replace(joints[name], kind=PIN_IN_SLOT, direction=way / (abs(way) or 1.0))
-        members = [link for link in joint.links if link != carrier]
-        joints[name] = replace(joint, links=(carrier, *members)).renamed({})
+        joints[name] = replace(joint, links=(carriers[0], *joint.links)).renamed({})
     return list(joints.values())
 
 

@@ -1,6 +1,6 @@
 """A mechanism as joints and links, as other programs describe it, and its linkage file."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 import re
@@ -56,9 +56,27 @@ def linkage_content(joints: Sequence[Joint], crank: str = '', foot: str = '') ->
     names = _valid_names([joint.name for joint in joints], 'P')
     link_names = _valid_names(links, 'link')
     named = [replace(joint, name=names[joint.name]).renamed(link_names) for joint in joints]
-    merged = _merge_rigid_links(named)
-    pivot, crank = _pivot_and_crank(merged, link_names.get(crank, crank))
-    return _Builder(merged, pivot, crank).content(names.get(foot, foot))
+    joints = _merge_rigid_links(named)
+    pivot, crank = _pivot_and_crank(joints, link_names.get(crank, crank))
+    positions = {joint.name: joint.position for joint in joints}
+    points: dict[str, list[str]] = {GROUND: [], crank: [pivot.name]}
+    for joint in joints:
+        # A slider's point may be another joint of its link.
+        for link in joint.pinned if joint.kind != SLIDER else ():
+            if joint.name not in points.setdefault(link, []):
+                points[link].append(joint.name)
+    slides = _slides(joints, {GROUND, crank}, points, positions)
+    bodies: dict[str, Any] = {}
+    for link, members in points.items():
+        if link in slides:
+            bodies[link] = {'slides': slides[link], 'points': members}
+        elif link != GROUND and len(members) > 1:  # else it is a point
+            bodies[link] = members
+    used = {*points[GROUND]}.union(*(points[link] for link in bodies))
+    places = {name: [at.real, at.imag] for name, at in positions.items() if name in used}
+    foot = names.get(foot, foot) or _likely_foot(joints, points, crank)
+    named_parts = {'ground': points[GROUND], 'crank': crank, 'foot': foot}
+    return {'points': places, **named_parts, 'links': bodies}
 
 
 def _valid_names(names: Iterable[str], prefix: str) -> dict[str, str]:
@@ -108,71 +126,47 @@ def _pivot_and_crank(joints: Sequence[Joint], crank: str) -> tuple[Joint, str]:
     return pivots[crank], crank
 
 
-class _Builder:
-    """Builds the content of a linkage file from joints whose names are valid."""
+def _likely_foot(joints: Sequence[Joint], points: Mapping[str, Sequence[str]], crank: str) -> str:
+    """Return the name of a traced point, or of a point of one link, and not of the crank."""
+    ranks = {'nothing': (False, False, False)}
+    for joint in joints:
+        links = [link for link, members in points.items() if joint.name in members]
+        if links and GROUND not in links:
+            ranks[joint.name] = (crank not in links, joint.is_traced, len(links) == 1)
+    return max(reversed(ranks), key=lambda name: ranks[name])
 
-    def __init__(self, joints: Sequence[Joint], pivot: Joint, crank: str) -> None:
-        self._joints = joints
-        self._crank = crank
-        self._positions = {joint.name: joint.position for joint in joints}
-        self._points: dict[str, list[str]] = {GROUND: [], crank: [pivot.name]}
-        self._slides: dict[str, dict[str, str]] = {}
-        for joint in joints:
-            # A slider's point may be another joint of its link.
-            for link in joint.pinned if joint.kind != SLIDER else ():
-                if joint.name not in self._points.setdefault(link, []):
-                    self._points[link].append(joint.name)
-        # Lines on the ground come first: nothing else can carry them.
-        for joint in sorted(joints, key=lambda joint: GROUND not in joint.links):
-            if joint.kind != PIN:
-                self._add_slide(joint)
 
-    def content(self, foot: str) -> dict[str, Any]:
-        """Return the content of the file, with a foot or the most likely one."""
-        ground = self._points.pop(GROUND)
-        links: dict[str, Any] = {}
-        for link, points in self._points.items():
-            if link in self._slides:
-                links[link] = {'slides': self._slides[link], 'points': points}
-            elif len(points) > 1:  # else the link is that point
-                links[link] = points
-        used = {*ground}.union(*(self._points[link] for link in links))
-        places = {}
-        for name, place in self._positions.items():
-            if name in used:
-                places[name] = [float(f'{xy:.15g}') for xy in (place.real, place.imag)]
-        named = {'ground': ground, 'crank': self._crank, 'foot': self._foot(foot, ground)}
-        return {'points': places, **named, 'links': links}
-
-    def _foot(self, foot: str, ground: Sequence[str]) -> str:
-        """Return the foot, by default a traced point, or a point of one link, off the crank."""
-        ranks = {'nothing': (False, False, False)}
-        for joint in self._joints:
-            links = [link for link in self._points if joint.name in self._points[link]]
-            if links and joint.name not in ground:
-                ranks[joint.name] = (self._crank not in links, joint.is_traced, len(links) == 1)
-        return foot or max(reversed(ranks), key=lambda name: ranks[name])
-
-    def _add_slide(self, joint: Joint) -> None:
-        """Add a link that slides: of a pin in a slot a block, which has no other point."""
+def _slides(
+    joints: Sequence[Joint],
+    fixed: Container[str],
+    points: dict[str, list[str]],
+    positions: dict[str, complex],
+) -> dict[str, dict[str, str]]:
+    """Return the line of each link that slides, and add its points: see `linkage_content`."""
+    slides: dict[str, dict[str, str]] = {}
+    # Lines on the ground come first: nothing else can carry them.
+    for joint in sorted(joints, key=lambda joint: GROUND not in joint.links):
+        if joint.kind == PIN:
+            continue
         carrier, slider, *further = joint.links
         if joint.kind == PIN_IN_SLOT:
+            # A block, which has no other point.
             slider = f'block__{joint.name}'
-            self._points[slider] = [joint.name]
-        taken = {GROUND, self._crank, *self._slides}
-        if slider in taken:
+            points[slider] = [joint.name]
+        elif slider in fixed or slider in slides:
             carrier, slider = slider, carrier
-        if slider in taken or (further and joint.kind == SLIDER):
+        if slider in fixed or slider in slides or (further and joint.kind == SLIDER):
             raise MechanismError(f'{listed(joint.links)} slide in more than one way')
-        points = self._points.setdefault(slider, [])
-        same_place = [name for name in points if self._positions[name] == joint.position]
+        members = points.setdefault(slider, [])
+        same_place = [name for name in members if positions[name] == joint.position]
         name = joint.name if slider in joint.pinned else f'{joint.name}__slide'
-        name = same_place[0] if same_place else name
+        name = next(iter(same_place), name)
         # The point that slides is the first.
-        points[:] = [name, *(point for point in points if point != name)]
+        members[:] = [name, *(point for point in members if point != name)]
         line = f'{joint.name}__line'
-        self._points.setdefault(carrier, []).append(line)
+        points.setdefault(carrier, []).append(line)
         # Farther than any joint, so that it is in no other's place.
-        length = 1.1 * max(abs(other.position - joint.position) for other in self._joints)
-        self._positions |= {name: joint.position, line: joint.position - length * joint.direction}
-        self._slides[slider] = {'along': carrier, 'from': line, 'to': name}
+        length = 1.1 * max(abs(other.position - joint.position) for other in joints)
+        positions |= {name: joint.position, line: joint.position - length * joint.direction}
+        slides[slider] = {'along': carrier, 'from': line, 'to': name}
+    return slides

@@ -16,7 +16,7 @@ from yaml_tables import read_table
 TABLES = read_table(Path(__file__).with_name('mechanisms.yaml'))
 # Units of length that forms have [mm].
 UNITS = {'linkage2': 25.4 / 96.0}
-STEPS = 120
+STEPS = 72
 PER_POSE = 6
 
 
