@@ -149,10 +149,10 @@ def test_the_bend_of_a_sliding_body_counts_from_the_body_that_carries_its_line()
     assert np.degrees(np.arctan2(h[1] - c[1], h[0] - c[0])) == pytest.approx(90.0)
 
 
-def test_the_four_bar_by_coordinates_is_in_the_pose_of_its_points() -> None:
+def test_the_slider_crank_by_coordinates_is_in_the_pose_of_its_points() -> None:
     text = blocks(ROOT / 'docs' / 'adding_a_linkage.md', 'yaml')[2]
     linkage = linkage_from_text(text, 'the example')
-    points = LinkageLeg(linkage).solve(np.arctan2(10.0, 20.0)).points
+    points = LinkageLeg(linkage).solve(np.arctan2(24.0, 18.0)).points
     places = dict(zip(linkage.structure.points, points, strict=True))
-    assert places['C'] == pytest.approx((0.08, 0.05))
-    assert places['P'] == pytest.approx((0.06, 0.06))
+    assert places['C'] == pytest.approx((0.114, -0.004))
+    assert places['P'] == pytest.approx((0.06, 0.02))
