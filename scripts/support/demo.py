@@ -90,8 +90,8 @@ def main(arguments: list[str]) -> int:
         variables = env.variables | world
         recording.parent.mkdir(exist_ok=True)
         print(f'Running solver, crank and recorder as three processes for {TURNS} turns ...')
-        _record(recording, programs, variables, Path(work))
-        report = _review(recording, programs, variables, Path(work))
+        record_turns(recording, programs, variables, Path(work))
+        report = review_page(recording, programs, variables, Path(work))
     run_path = os.path.relpath(recording)
     player = quote(os.path.relpath(programs / 'player_node'))
     review = quote(os.path.relpath(programs / 'review'))
@@ -135,7 +135,7 @@ def _view(show: str, ros: str) -> int:
         raise CommandError('\n'.join(['a node has ended', *last]))
 
 
-def _record(recording: Path, programs: Path, variables: dict[str, str], work: Path) -> None:
+def record_turns(recording: Path, programs: Path, variables: dict[str, str], work: Path) -> None:
     """Record the turns; then end the other two processes as by Ctrl-C."""
     recorder = (f'output:={recording}',)
     parameters = {'crank_node': CRANK, 'recorder_node': recorder, 'solver_node': ()}
@@ -163,7 +163,7 @@ def _record(recording: Path, programs: Path, variables: dict[str, str], work: Pa
         raise CommandError('\n'.join(lines))
 
 
-def _review(recording: Path, programs: Path, variables: dict[str, str], work: Path) -> str:
+def review_page(recording: Path, programs: Path, variables: dict[str, str], work: Path) -> str:
     """Return the report of `review`, which also writes the page."""
     # Beside the run: its folder holds recorded data only.
     command = [programs / 'review', recording, '--html', f'{recording}.html']

@@ -12,14 +12,23 @@ import tempfile
 import time
 from zipfile import ZipFile
 
+import demo
 from domain import own_world
 from processes import Command, CommandError, last_lines, run
 import source
 
 MINORS = range(10, 15)
-# Its tests of a pip installation import nothing of the checkout but `domain`.
+# Its tests of a pip installation import of the checkout what is beside them, and `domain`.
 TESTS = source.ROOT / 'test' / 'packaging' / 'test_installed.py'
 PYTEST = ['-q', '--noconftest', '-p', 'no:cacheprovider', '-c', os.devnull, '-k', 'pip']
+# Every module imports, with all that the extra `all` installs.
+IMPORTS = """\
+from importlib import import_module
+from pkgutil import walk_packages
+import klann_ros
+for module in walk_packages(klann_ros.__path__, 'klann_ros.'):
+    import_module(module.name)
+"""
 # What a build adds to the shipped files.
 _OF_SDIST = ('PKG-INFO', 'setup.cfg', 'MANIFEST.in', 'klann_ros.egg-info/')
 _OF_WHEEL = ('.dist-info/', '.data/data/')
@@ -107,7 +116,16 @@ def _check_files(sdist: Path, wheel: Path) -> int:
     junk = {name for name in sdist_names if not name.startswith(_OF_SDIST)}
     junk |= {name for name in wheel_names if not any(text in name for text in _OF_WHEEL)}
     junk -= shipped
+    if (source.ROOT / '.git').exists():
+        git = shutil.which('git') or 'git'
+        tracked = subprocess.check_output([git, 'ls-files', '-z'], cwd=source.ROOT, text=True)
+        junk |= shipped - {*tracked.split('\0')}
     missing = {name for name in shipped if name.startswith('klann_ros/')} - {*wheel_names}
+    data_names = {Path(name).name for name in wheel_names if '.data/data/' in name}
+    data_folders = tuple(f'{folder}/' for folder in source.FOLDERS if folder != 'klann_ros')
+    for name in shipped:
+        if name.startswith(data_folders) and Path(name).name not in data_names:
+            missing.add(name)
     if junk or missing:
         raise CommandError(f'junk: {sorted(junk)}; missing: {sorted(missing)}')
     return len(sdist_names) + len(wheel_names)
@@ -117,15 +135,28 @@ def _try(python: str, wheel: Path, venv: Path, variables: dict[str, str]) -> str
     """Install the wheel alone and try it; return the end of the output of what failed."""
     variables = variables | {'VIRTUAL_ENV': str(venv), 'AMENT_PREFIX_PATH': str(venv)}
     variables |= {'PATH': f'{venv}/bin:{variables["PATH"]}', 'PYTHONNOUSERSITE': '1'}
-    variables |= {'PYTHONPATH': str(Path(__file__).parent)}
     output = venv.with_suffix('.txt')
+    folders = [Path(__file__).parent, TESTS.parents[1] / 'support']
+    test_variables = variables | {'PYTHONPATH': os.pathsep.join(map(str, folders))}
+    programs = venv / 'bin'
+    pip = [programs / 'python', '-m', 'pip', 'install', '-q']
     steps: list[Command] = [
         [python, '-m', 'venv', '--clear', venv],
-        [venv / 'bin/python', '-m', 'pip', 'install', '-q', f'{wheel}[ros,view,sim]', 'pytest'],
-        [venv / 'bin/python', '-m', 'pytest', *PYTEST, TESTS],
+        [*pip, f'{wheel}[all]', 'pytest'],
+        [programs / 'python', '-m', 'pytest', *PYTEST, TESTS],
+        [programs / 'python', '-I', '-c', IMPORTS],
+        [programs / 'describe', 'sem104', '--html', venv / 'leg.html'],
+        [programs / 'export', 'klann', '--urdf', venv / 'leg.urdf', '--stl', venv / 'parts'],
     ]
-    failed = any(run(step, variables, output) != 0 for step in steps)
-    return last_lines(output, 15) if failed else ''
+    for step in steps:
+        if run(step, test_variables if TESTS in step else variables, output) != 0:
+            return last_lines(output, 15)
+    try:
+        demo.record_turns(venv / 'run', programs, variables, venv)
+        demo.review_page(venv / 'run', programs, variables, venv)
+    except CommandError as error:
+        return str(error)
+    return ''
 
 
 def _run_step(command: Command, variables: dict[str, str], work: Path) -> None:
