@@ -113,6 +113,8 @@ def _read_linkage2(text: str) -> list[Joint]:
         raise ValueError('it has no <linkage2>; a URDF, which has <robot>, lacks its loops')
     elements = [element for element in root if element.get('layer') != _DRAWING_LAYER]
     links: dict[str, list[str]] = {}
+    # Links come first: their numbers are their names, as their identifiers may be there twice.
+    elements.sort(key=lambda element: element.tag not in {'Link', 'element'})
     for number, element in enumerate(elements):
         name = f'{element.tag} {printable(element.get("id"), 60)}'
         for attribute in _LINKAGE2_REFUSED:

@@ -119,6 +119,21 @@ def test_a_url_of_pmks_plus_becomes_a_linkage_that_turns(tmp_path: Path) -> None
         assert points['A'] == pytest.approx(PMKS_PLUS_A[name])
 
 
+def test_links_of_one_identifier_stay_apart(capsys: pytest.CaptureFixture[str]) -> None:
+    text = '<linkage2><program/>'
+    for number, place in enumerate(
+        ('0" y="0" anchor="true', '10" y="30', '70" y="60', '90" y="0')
+    ):
+        anchor = ' anchor="true"' if number == 3 else ''
+        text += f'<connector id="{number}" x="{place}"{anchor}/>'
+    for number in range(3):
+        ends = f'<connector id="{number}"/><connector id="{number + 1}"/>'
+        text += f'<Link id="0" name="a & b">{ends}</Link>'
+    assert main([f'{text}<Link id="9" layer="1" gear="true"/></linkage2>']) == 0
+    links = 'links:\n  link0: [P0, P1]\n  link1: [P1, P2]\n  link2: [P2, P3]\n'
+    assert links in capsys.readouterr().out
+
+
 def test_a_yoke_slides_on_the_ground_and_a_block_on_the_yoke(tmp_path: Path) -> None:
     text = (
         'name,x,y,links,type,angle\nA,0,0,ground crank,R,\nB,30,40,crank block,R,\n'
