@@ -6,7 +6,6 @@ from contextlib import suppress
 from functools import partial
 from math import degrees
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 from klann_ros.cli import ArgumentParser, Output, OutputError
@@ -21,6 +20,7 @@ from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, parameter_files, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info
 from klann_ros.nodes.robot_parameters import declared_robot
+from klann_ros.nodes.walker.timing import ControlClock
 from klann_ros.robot import CrankDrive, Robot
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.sanitize.yaml_text import parameter_file
@@ -107,7 +107,9 @@ class CommissionNode(ProcessNode):
         self._types = TypeCheck(self, ENCODER_REMEDIES)
         subscribe_cranks(self, self._joints, parameters, self._on_crank_state)
         self.create_subscription(Imu, 'imu', self._on_imu, qos_profile_sensor_data)
-        self._start_time = monotonic()
+        # In a simulation the time of its motors, which is slow on a busy machine.
+        self._clock = ControlClock(self)
+        self._start_time = self._clock.now()
         self._has_feedback = False
         # The crank whose turn was announced last.
         self._announced = ''
@@ -151,7 +153,7 @@ class CommissionNode(ProcessNode):
         return CrankCommand((0.0,) * len(velocities), velocities)
 
     def _on_crank_state(self, readings: Mapping[str, JointReading], info: Info) -> None:
-        self._commissioning.now = monotonic()
+        self._commissioning.now = self._clock.now()
         self._has_feedback = True
         encoders = {}
         for joint, reading in readings.items():
@@ -160,13 +162,13 @@ class CommissionNode(ProcessNode):
         self._commissioning.feedback(encoders, stamp)
 
     def _on_imu(self, message: Imu) -> None:
-        self._commissioning.now = monotonic()
+        self._commissioning.now = self._clock.now()
         force, rates = message.linear_acceleration, message.angular_velocity
         self._commissioning.imu((force.x, force.y, force.z), (rates.x, rates.y, rates.z))
 
     def _on_timer(self) -> None:
         self._types.check()
-        now = self._commissioning.now = monotonic()
+        now = self._commissioning.now = self._clock.now()
         problem = self._problem(now)
         if problem:
             self._end(problem)
