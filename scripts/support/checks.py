@@ -3,6 +3,7 @@
 import argparse
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from statistics import median
 import tempfile
 import time
 
@@ -26,8 +27,11 @@ ROS_TESTS = ('test/nodes', 'test/examples/test_hardware_driver.py', 'test/review
 FIRST = 'colcon'
 # The others run beside the tests and take only what these leave of a core.
 IN_BACKGROUND = ('nice', '-n', '19')
-# A hanging check is ended, so that CI shows its output.
+# A hanging check is interrupted, so that CI shows its output: pytest then names what failed [s].
 TIMEOUT = 840.0
+# Time of `_slowness` where nothing else runs, and the largest factor of the limits [s].
+REFERENCE_TIME = 0.015
+MAX_SLOWNESS = 6.0
 # Up to this number of failed tests run again, one after the other: a busy machine may starve a
 # real process. They are listed in any case.
 MAX_RERUNS = 5
@@ -47,6 +51,8 @@ def main(arguments: list[str]) -> int:
         variables = env.variables | world
         # All processes of the tests share the compiled files.
         variables.pop('PYTHONDONTWRITEBYTECODE', None)
+        slowness = _slowness()
+        variables['KLANN_ROS_SLOWNESS'] = f'{slowness:.2f}'
         if 'colcon' in names:
             # Without it the tests build the package themselves.
             variables['KLANN_ROS_COLCON_PREFIX'] = f'{work}/install'
@@ -58,7 +64,7 @@ def main(arguments: list[str]) -> int:
 
         def passes(name: str) -> bool:
             prefix = () if name in (FIRST, 'pytest', 'alone') else IN_BACKGROUND
-            return _passes(name, [*prefix, *commands[name]], variables, work)
+            return _passes(name, [*prefix, *commands[name]], variables, work, slowness * TIMEOUT)
 
         verdicts = {}
         with ThreadPoolExecutor(2) as pool:
@@ -140,10 +146,22 @@ def _is_rare(work: Path) -> bool:
     return 0 < failed <= MAX_RERUNS and ' passed' in lines[-1]
 
 
-def _passes(name: str, command: Command, variables: dict[str, str], work: Path) -> bool:
+def _slowness() -> float:
+    """Return how many times longer than usual this machine computes now: 1 to MAX_SLOWNESS."""
+    durations = []
+    for _ in range(7):
+        begin = time.perf_counter()
+        sum(number * number for number in range(200_000))
+        durations.append(time.perf_counter() - begin)
+    return min(max(median(durations) / REFERENCE_TIME, 1.0), MAX_SLOWNESS)
+
+
+def _passes(
+    name: str, command: Command, variables: dict[str, str], work: Path, timeout: float
+) -> bool:
     begin = time.monotonic()
     output = work / f'{name}.txt'
-    code = run(command, variables, output, TIMEOUT)
+    code = run(command, variables, output, timeout)
     verdict = {0: 'ok', None: 'TIMED OUT'}.get(code, 'FAILED')
     report = [f'{name:14}{verdict:10}{time.monotonic() - begin:6.1f} s']
     text = output.read_text(encoding='utf-8', errors='replace')

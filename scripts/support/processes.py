@@ -16,7 +16,7 @@ Process = subprocess.Popen[bytes]
 Variables = Mapping[str, str]
 
 # Timeouts of a process to end after SIGINT, then after SIGTERM [s].
-GRACE = {signal.SIGINT: 8.0, signal.SIGTERM: 3.0}
+GRACE = {signal.SIGINT: 12.0, signal.SIGTERM: 3.0}
 _received: list[int] = []
 _LIBC = ctypes.CDLL(None)
 # The option of prctl for the signal that a process gets when its parent ends.

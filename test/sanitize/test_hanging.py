@@ -10,12 +10,12 @@ import fork_server
 from klann_ros.kinematics import KlannLeg
 from klann_ros.log.mcap.records import MAGIC
 from leg_runs import LegRun
+from patience import PATIENCE
 import pytest
 
 SPARSE = 2**40
 # A reader of an endless file is stopped by this [bytes].
 MEMORY = 3 * 2**30
-PATIENCE = 60.0
 KINDS = ('pipe', 'link to a pipe', 'socket', '/dev/zero', 'folder', 'sparse')
 
 

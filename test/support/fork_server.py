@@ -30,6 +30,7 @@ import time
 from typing import TextIO
 
 import klann_ros
+from patience import PATIENCE
 
 # The processes run the very package that the tests import, installed or not.
 PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
@@ -194,7 +195,7 @@ def called(
     environment: Mapping[str, str] = os.environ,
     stdout: int | None = None,
     memory: int = resource.RLIM_INFINITY,
-    patience: float = 60.0,
+    patience: float = PATIENCE,
 ) -> subprocess.CompletedProcess[str]:
     """Run a tool, or a script by PYTHON, to its end, as `subprocess.run` does."""
     with tempfile.TemporaryFile('w+') as errors:

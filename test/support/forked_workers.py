@@ -65,23 +65,37 @@ class Distribution:
 
     def run(self, worker_count: int) -> None:
         """Run all batches."""
-        terminal = self._session.config.pluginmanager.getplugin('terminalreporter')
-        if terminal:
-            # Results of several files come at the same time.
-            terminal.showfspath = False
+        terminal: Any = self._session.config.pluginmanager.getplugin('terminalreporter')
+        # Results of several files come at the same time.
+        terminal.showfspath = False
         try:
             for number in range(worker_count):
                 self._fork(number)
             while self._workers:
                 for ready in wait([worker.connection for worker in self._workers]):
                     self._receive(ready)
-                    if self._session.shouldfail:
-                        raise self._session.Failed(self._session.shouldfail)
-                    if self._session.shouldstop:
-                        raise self._session.Interrupted(self._session.shouldstop)
+                    self._stop_if_told()
+        except KeyboardInterrupt:
+            for nodeid in self._running_tests():
+                terminal.write_line(f'\ninterrupted in {nodeid}')
+            raise
         finally:
             for worker in self._workers:
                 worker.end()
+
+    def _stop_if_told(self) -> None:
+        """Stop after the number of failed tests that the user has named."""
+        if self._session.shouldfail:
+            raise self._session.Failed(self._session.shouldfail)
+        if self._session.shouldstop:
+            raise self._session.Interrupted(self._session.shouldstop)
+
+    def _running_tests(self) -> list[str]:
+        tests = []
+        for worker in self._workers:
+            if worker.position < len(worker.batch):
+                tests.append(self._session.items[worker.batch[worker.position]].nodeid)
+        return tests
 
     def _fork(self, number: int) -> None:
         connection, worker_connection = Pipe()

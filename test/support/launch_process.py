@@ -11,11 +11,11 @@ import sys
 import time
 
 import klann_ros
+from patience import PATIENCE
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
-PATIENCE = 60.0
 NODES = (
     'crank_node', 'player_node', 'recorder_node', 'sim_node', 'solver_node', 'view_node',
     'walker_node', 'watchdog_node',

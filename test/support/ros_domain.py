@@ -16,6 +16,7 @@ from fork_server import ForkedProcess, PACKAGE, server
 from klann_ros.nodes.parameters import prepare_sets
 from klann_ros.nodes.solver.managed_node import ManagedSolverNode
 from klann_ros.nodes.solver.node import SolverNode
+from patience import PATIENCE
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 import rclpy
 from rclpy.context import Context
@@ -24,8 +25,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-# Timeout, which only a busy machine comes near [s].
-PATIENCE = 60.0
 # Timeout of a node that answers no requests [s].
 SILENT = 10.0
 SHARED_MEMORY = Path('/dev/shm')  # noqa: S108 - Fast DDS's place, not ours
