@@ -146,16 +146,16 @@ def _read_csv(text: str) -> list[Joint]:
     """Read a table of joints, its columns named by a header, or in the order name, x, y, links."""
     lines = text.splitlines()
     delimiter = next((mark for mark in ';\t' if mark in lines[0]), ',')
-    has_header = {'name', 'x', 'y', 'links'} <= {*lines[0].split(delimiter)}
-    header = None if has_header else ('name', 'x', 'y', 'links')
+    columns = [cell.strip().lower() for cell in next(csv.reader(lines, delimiter=delimiter))]
+    has_header = {'name', 'x', 'y', 'links'}.issubset(columns)
+    header = columns if has_header else ('name', 'x', 'y', 'links')
+    reader = csv.DictReader(lines[has_header:], header, 'more', '', delimiter=delimiter)
     joints = []
-    reader = csv.DictReader(lines, header, 'more', '', delimiter=delimiter)
     for row in islice(reader, MAX_JOINTS + 1):
-        more = row.pop('more', [])
+        links = re.split(r'[\s+/|;,]+', ' '.join([row['links'], *row.pop('more', [])]))
         cells = {column: cell.strip() for column, cell in row.items()}
         if delimiter != ',':
-            cells = {column: cell.replace(',', '.') for column, cell in cells.items()}
-        links = re.split(r'[\s+/|;]+', ' '.join([cells['links'], *more]))
+            cells |= {name: cells.get(name, '').replace(',', '.') for name in ('x', 'y', 'angle')}
         kind = cells.get('type') or PIN
         joint = _joint(cells['name'], cells['x'], cells['y'], links, kind, cells.get('angle'))
         joint = replace(joint, is_driven=bool(cells.get('driven')))
@@ -178,13 +178,10 @@ def _joint(  # noqa: PLR0917 - in the order of a row
     return Joint(name, position, tuple(members), kind, direction).renamed({})
 
 
+# The reader of each form, and its description.
 FORMS: dict[str, tuple[Callable[[str], list[Joint]], str]] = {
     'pyslvs': (_read_pyslvs, 'M[J[R, P[x, y], L[ground, L1]], ...] of Pyslvs, or YAML with it'),
     'pmks+': (_read_pmks_plus, 'whole URL of PMKS+'),
     'linkage2': (_read_linkage2, '.linkage2 file of Linkage by D. Rector'),
-    'csv': (
-        _read_csv,
-        'table of joints: name, x, y, links; by a header also type, angle [deg], driven, traced',
-    ),
+    'csv': (_read_csv, 'table: name, x, y, links (type, angle, driven, traced by a header)'),
 }
-"""The reader of each form, and its description."""

@@ -70,6 +70,15 @@ def test_a_text_and_the_standard_input_are_read(
     assert capsys.readouterr().out.replace('standard input', 'text') == text
 
 
+def test_a_table_of_a_spreadsheet_is_read(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [row.split(',', 3) for row in FOUR_BAR.replace('10,', '10.5,').splitlines()]
+    table = '\ufeff"Name";X; Y ;Links;Remark\r\n'
+    for name, x, y, links in rows:
+        table += f'{name};{x.replace(".", ",")};{y};"{links.replace(" ", ", ")}";-\r\n'
+    assert main([table]) == 0
+    assert capsys.readouterr().out.splitlines()[4:6] == ['  A: [0.0, 0.0]', '  B: [10.5, 30.0]']
+
+
 def test_crank_and_foot_are_chosen_by_their_names_in_the_text(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
