@@ -8,7 +8,7 @@ from typing import Any
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.sanitize.text import did_you_mean, listed
 
-from .structure import GROUND
+from .topology import MAX_BODIES
 
 # Distances in sizes of the linkage: of points that are apart, and of a point of a line from its
 # origin, if it tells the direction, and from a line of stated direction, if it is on it.
@@ -107,19 +107,17 @@ class _Pose:
             raise GeometryError(msg)
         return vector
 
-    def _direction(self, name: str) -> complex:
+    def _direction(self, name: str, depth: int = 0) -> complex:
         """Return the direction from which the bends of a link count; 1 for the ground."""
         # Structure refuses unknown links, and those that slide along each other in turn.
-        for _ in self._links:
-            if name == GROUND or name not in self._links:
-                break
-            if 'slides' not in self._links[name]:
-                if len(self._points[name]) == 1:
-                    raise GeometryError(f'links.{name}: a link that turns has 2 points or more')
-                vector = self._vector(name, *self._points[name][:2])
-                return vector / abs(vector)
-            name = self._links[name]['slides']['along']
-        return 1.0 + 0j
+        if name not in self._links or depth > MAX_BODIES:
+            return 1.0 + 0j
+        if 'slides' in self._links[name]:
+            return self._direction(self._links[name]['slides']['along'], depth + 1)
+        if len(self._points[name]) == 1:
+            raise GeometryError(f'links.{name}: a link that turns has 2 points or more')
+        vector = self._vector(name, *self._points[name][:2])
+        return vector / abs(vector)
 
     def _line(self, name: str) -> tuple[dict[str, Any], float]:
         """Return the line that a link slides along, with its direction, and the distance."""
@@ -128,15 +126,14 @@ class _Pose:
         end = slides['to']
         vector = (self._places[end] - self._places[start]) / self._direction(slides['along'])
         tolerance = LINE_TOLERANCE * self._size
-        place = f'links.{name}.slides.direction'
-        if 'direction' not in slides:
-            if abs(vector) <= tolerance:
-                msg = f'{start} and {end} are too close to tell the direction of the line'
-                raise GeometryError(f'{place}: {msg}: state it')
-            return {**slides, 'direction': phase(vector) / self._radian}, abs(vector)
-        offset = vector * rect(1.0, -self._radian * slides['direction'])
-        if abs(offset.imag) > tolerance:
-            distance = f'{abs(offset.imag):.3g} {self._length_unit}'
-            msg = f'{end} is {distance} off the line through {start} in this direction'
-            raise GeometryError(f'{place}: {msg}')
-        return slides, offset.real
+        if 'direction' in slides:
+            vector *= rect(1.0, -self._radian * slides['direction'])
+            if abs(vector.imag) <= tolerance:
+                return slides, vector.real
+            line = f'the line through {start} in this direction'
+            msg = f'{end} is {abs(vector.imag):.3g} {self._length_unit} off {line}'
+        else:
+            if abs(vector) > tolerance:
+                return {**slides, 'direction': phase(vector) / self._radian}, abs(vector)
+            msg = f'{start} and {end} are too close to tell the direction of the line: state it'
+        raise GeometryError(f'links.{name}.slides.direction: {msg}')

@@ -40,6 +40,7 @@ SOLVER = (
 QUANTITY = _scripts(_STATIC_FILES, 'units')
 """The reader of numbers with units, by the table of units that the page has."""
 
+_STYLES = (SHARED / 'drawing.css', SHARED / 'tables.css')
 COMMENT = re.compile(r'^ *#.*\n| +#.*$', re.MULTILINE)
 # Two blanks a level, and content in brackets without quotation marks.
 INDENTATION = re.compile(r'^ +', re.MULTILINE)
@@ -47,15 +48,10 @@ FLOW = re.compile(r"""[\[{][^"'\n]*$""", re.MULTILINE)
 LAB_PARTS = Parts(
     is_compact=True,
     # It has no findings.
-    styles=(
-        *FRAME[:-1],
-        SHARED / 'drawing.css',
-        SHARED / 'tables.css',
-        _STATIC_FILES / 'lab.css',
-    ),
+    styles=(*FRAME[:-1], *_STYLES, _STATIC_FILES / 'lab.css'),
     # In this order: each uses what stands above it.
     scripts=(
-        *_scripts(SHARED, 'drawing'),
+        SHARED / 'drawing.js',
         *SOLVER,
         *QUANTITY,
         *_scripts(_STATIC_FILES, 'texts dragging link model scene panels'),
@@ -95,8 +91,7 @@ def lab_page(exercises: Mapping[str, Any]) -> str:
 
 def _compact_yaml(file: str) -> str:
     """Return a linkage's file without comments and needless blanks."""
-    text_alone = COMMENT.sub('', file)
-    indented = INDENTATION.sub(lambda match: match[0][::2], text_alone)
+    indented = INDENTATION.sub(lambda match: match[0][::2], COMMENT.sub('', file))
     return FLOW.sub(lambda match: match[0].replace(', ', ','), indented.replace('\n   -', '\n  -'))
 
 
