@@ -18,9 +18,12 @@ from klann_ros.calibration.load import Request
 from klann_ros.calibration.tables import load_table, TableOptions
 from klann_ros.datasheet.command import main as describe
 from klann_ros.export.command import main as export
+from klann_ros.kinematics import LinkageLeg, shipped_linkage
 from klann_ros.robot import robot_of
+from klann_ros.sanitize.yaml_text import parse
 from measured_robots import crank_topic, points_topic, Robot, write_run
 import numpy as np
+from point_files import point_file
 import pytest
 
 ROBOT = Robot(count=400, period=0.0125)
@@ -176,6 +179,17 @@ def test_a_linkage_file_keeps_its_units(table: Path, tmp_path: Path) -> None:
     true = ROBOT.linkage.dimensions['l_gh']
     assert leg.linkage.dimensions['G-H'] == pytest.approx(true, abs=1e-4)
     assert describe([str(built)]) == 0
+
+
+def test_a_linkage_by_points_is_calibrated(table: Path, tmp_path: Path) -> None:
+    drawing = tmp_path / 'points.yaml'
+    drawing.write_text(point_file(LinkageLeg(shipped_linkage('klann')).solve(1.0)))
+    built = tmp_path / 'built.yaml'
+    assert main([str(table), '--leg', str(drawing), '-o', str(built)]) in {0, 1}
+    leg = robot_of(str(built)).legs[0]
+    assert parse(leg.description).keys() >= {'pivots', 'bodies', 'assembly'}
+    expected = LinkageLeg(ROBOT.linkage).solve(2.0).h
+    assert LinkageLeg(leg.linkage).solve(2.0).h == pytest.approx(expected, abs=1e-4)
 
 
 def test_a_prior_makes_every_number_known(table: Path, tmp_path: Path, capsys: Capture) -> None:
