@@ -225,8 +225,9 @@ class StepSource:
             constants[f'rounding{b}'] = block.rounding
             # The determinant's sign, and the limits below which it is rounding, or singular.
             constants[f'sign{b}'] = signs[b] * self._source.sine_sign(b)
-            constants[f'least{b}'] = -block.rounding_of_sine * block.scale
-            constants[f'singular{b}'] = block.singular_sine * block.scale
+            # NumPy's numbers are slow to compare.
+            constants[f'least{b}'] = float(-block.rounding_of_sine * block.scale)
+            constants[f'singular{b}'] = float(block.singular_sine * block.scale)
             constants[f'inverse{b}'] = 1.0 / block.scale
             if not block.two_branches:
                 # It closes in one way only, whichever sign that has.
