@@ -19,6 +19,7 @@ ROOT = Requirement('klann_ros[all,cluster]')
 # Identifiers of SPDX for the words of older metadata; "BSD" is a name of several.
 SPDX = {
     '3-Clause BSD License': 'BSD-3-Clause',
+    'Apache 2': 'Apache-2.0',
     'Apache 2.0': 'Apache-2.0',
     'Apache Software License': 'Apache-2.0',
     'BSD License': 'BSD',
@@ -26,8 +27,8 @@ SPDX = {
     'Mozilla Public License 2.0 (MPL 2.0)': 'MPL-2.0',
     'Python Software Foundation License': 'PSF-2.0',
 }
-# Their licences are files only.
-UNSTATED = {'graphemeu': 'MIT', 'setuptools': 'MIT'}
+# Their licences are files only, or, for older ones of dateutil, a choice of two.
+UNSTATED = {'graphemeu': 'MIT', 'python-dateutil': 'BSD-3-Clause', 'setuptools': 'MIT'}
 # A longer statement is the text of the licence.
 MAX_NAME_LENGTH = 60
 
