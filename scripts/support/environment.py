@@ -202,7 +202,7 @@ class Progress:
         if now - self._shown_at >= PROGRESS_PERIOD:
             self._shown_at = now
             step = last_lines(self._log) if self._log.exists() else ''
-            print(f'... {now - self._begin:.0f} s  {" ".join(step.split())[:70]}')
+            print(f'... {now - self._begin:.0f} s  {" ".join(step.split())[:70]}'.rstrip())
 
 
 def _numpy_of_sourced_ros(ros: str) -> str:

@@ -201,10 +201,9 @@ def _print(content: Mapping[str, Any], field: str | None) -> None:
         raise ValueError(f'the fields are {listed(content)}')
     for path in [field] if field else content:
         text = str([*content[path]] if isinstance(content[path], tuple) else content[path])
-        if field and not sys.stdout.isatty():
-            print(text.removesuffix('\n'), flush=True)
-        else:
-            print(f'{path}: {printable(text, 1_000_000)}', flush=True)
+        if not field or sys.stdout.isatty():
+            text = f'{path}: {printable(text, 1_000_000)}'
+        print(text.removesuffix('\n'), flush=True)
 
 
 def _list(node: DriveNode, text: str = '') -> Steps:
