@@ -359,7 +359,7 @@ def test_the_page_tells_millimetres_and_degrees_and_sends_si_units_exactly() -> 
     package = resources.files('klann_ros')
     folder = Path(str(package / 'live' / 'static'))
     scripts = [folder / 'space.js', folder / 'tables.js']
-    scripts.insert(0, Path(str(package / 'web' / 'static' / 'drawing.js')))
+    scripts.insert(0, Path(str(package / 'web' / 'static' / 'theme.js')))
     told = in_node(CONVERSIONS, given, scripts)
     assert told['fixed'] == [text for *_, text in FIXED]
     assert told['refusals'] == [shown for _, shown in REFUSALS]
