@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from threading import Timer
 import time
 
 import checks
@@ -212,6 +213,10 @@ class EnvironmentUsers:
             text=True,
         )
         self.processes.append(process)
+        # Where it waits for ever, the test fails instead of waiting too.
+        limit = Timer(120.0, process.kill)
+        limit.daemon = True
+        limit.start()
         return process
 
     def fetch(self) -> None:
