@@ -7,12 +7,13 @@ import sys
 
 from klann_ros.cli import ArgumentParser, NOT_READ, Output
 from klann_ros.kinematics import linkage_from_text, LinkageFileError
-from klann_ros.sanitize.files import read_regular
+from klann_ros.sanitize.files import is_regular_file, read_regular
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.sanitize.yaml_text import dump, MAX_FILE_SIZE
 
 from .forms import FORMS, INCH, read_joints
 from .mechanism import linkage_content, MechanismError
+from .urdf import SIDECAR
 
 DESCRIPTION = """\
 Write a linkage file (YAML) from a mechanism of another program, by the coordinates of its joints.
@@ -20,6 +21,8 @@ Write a linkage file (YAML) from a mechanism of another program, by the coordina
 SOURCE is a file, - for the standard input, or the text itself, in one of these forms:
 """
 EPILOG = """\
+A URDF's loop_closures.yaml is beside it, in ../config or ./config: beside a SOURCE of - in the
+current folder. Its joint axes are parallel, and it is read at joint zero.
 Gears, chains, several motors and linear actuators are refused.
 Exit code: 0 written, 2 SOURCE or an option is refused, 3 OUT.yaml cannot be written."""
 UNITS = {'mm': 1.0, 'cm': 10.0, 'm': 1000.0, 'in': INCH}
@@ -33,11 +36,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _import(options: argparse.Namespace) -> int:
     """Write or print the linkage file; return the exit code."""
     output = Output('-o', options.output)
+    folder = Path(options.source).parent
+    sidecars = [str(folder / place / SIDECAR) for place in ('.', '../config', 'config')]
     if options.output is not None:
-        output.check([options.source])
+        output.check([options.source, *sidecars])
     text, name = _source(options.source)
+    sidecar = next(filter(is_regular_file, sidecars), None) if '<robot' in text else None
+    loops = '' if sidecar is None else _source(sidecar)[0]
     try:
-        joints = read_joints(text, options.form, UNITS[options.unit])
+        joints = read_joints(text, options.form, UNITS[options.unit], loops)
         content = linkage_content(joints, options.crank, options.foot)
         title = Path(name).stem if Path(name).suffix else 'Imported linkage'
         header = {

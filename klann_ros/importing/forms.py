@@ -9,13 +9,13 @@ from math import radians
 import re
 from typing import Any
 from urllib.parse import unquote
-from xml.etree import ElementTree as ET
 
 from klann_ros.kinematics import GROUND
 from klann_ros.sanitize.text import printable, printable_line
-from klann_ros.sanitize.yaml_text import load, MAX_FILE_SIZE
+from klann_ros.sanitize.yaml_text import load, MAX_FILE_SIZE, YamlError
 
 from .mechanism import Joint, MAX_JOINTS, MechanismError, PIN, PIN_IN_SLOT, SLIDER
+from .urdf import read_urdf, SIDECAR, xml_root
 
 INCH = 25.4  # [mm]
 MAX_DIGITS = 60
@@ -30,25 +30,31 @@ _LINKAGE2_REFUSED = ('actuator', 'gear', 'fasten', 'fastenlink', 'fastenconnecto
 _DRAWING_LAYER = '1'
 
 
-def read_joints(text: str, form: str = '', unit: float = 1.0) -> list[Joint]:
+def read_joints(text: str, form: str = '', unit: float = 1.0, loops: str = '') -> list[Joint]:
     """
     Return the joints in a text, whose form is recognised if it is not stated.
 
-    Lengths of forms without a unit are in `unit` [mm]. A MechanismError names what is wrong.
+    Lengths of forms without a unit are in `unit` [mm]; `loops` is the text of a URDF's
+    `loop_closures.yaml`. A MechanismError names what is wrong.
     """
     text = text.lstrip('\ufeff').strip()
     if not form:
         form = 'pmks+' if _PMKS_PLUS.fullmatch(text.rpartition('?')[2]) else 'csv'
         form = 'pyslvs' if re.search(r'\bM ?\[', text) else form
         form = 'linkage2' if text.startswith('<') else form
+        form = 'urdf' if form == 'linkage2' and '<robot' in text else form
     if not 0 < len(text) <= MAX_FILE_SIZE:
         raise MechanismError(f'it has {len(text)} characters: 1 to {MAX_FILE_SIZE} are read')
     reader, description = FORMS[form]
     try:
-        joints = [joint for joint in reader(text) if joint.links]
-    # Of the libraries, and of what the text should have.
-    except (AttributeError, csv.Error, LookupError, SyntaxError, TypeError, ValueError) as error:
+        joints = read_urdf(text, loops) if form == 'urdf' else reader(text)
+    except (csv.Error, MechanismError, SyntaxError, YamlError) as error:
         raise MechanismError(f'it is no {description}: {printable_line(error)}') from error
+    # Python's words about a missing part mean nothing to users.
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        reason = 'a part of it is missing, or is no number'
+        raise MechanismError(f'it is no {description}: {reason}') from error
+    joints = [joint for joint in joints if joint.links]
     scale = unit if form in {'pyslvs', 'csv'} else 1.0
     return [replace(joint, position=scale * joint.position) for joint in joints]
 
@@ -61,7 +67,7 @@ def _read_pyslvs(text: str) -> list[Joint]:
     expression = re.sub(r'\s+', '', expression)
     remainder = _PYSLVS_JOINT.sub('', expression).replace(',', '')
     if remainder != 'M[]':
-        raise ValueError(f'{printable(remainder, 60)} is left of it')
+        raise MechanismError(f'{printable(remainder, 60)} is left of it')
     joints = []
     for number, match in enumerate(_PYSLVS_JOINT.finditer(expression)):
         kind, angle, x, y, links = match.groups()
@@ -105,12 +111,8 @@ def _base_64(digits: str) -> float:
 
 def _read_linkage2(text: str) -> list[Joint]:
     """Read a file of Rector's Linkage (linkageDoc.cpp, ReadIn), its lengths in 1/96 in."""
-    if re.search('<!(DOCTYPE|ENTITY)', text):
-        raise ValueError('it has a document type, which may hold anything')
-    # Without entities, and of limited size. Linkage writes & in names as it is.
-    root = ET.fromstring(re.sub(r'&(?!#?\w+;)', '&amp;', text))  # noqa: S314
-    if root.tag != 'linkage2':
-        raise ValueError('it has no <linkage2>; a URDF, which has <robot>, lacks its loops')
+    # Linkage writes & in names as it is.
+    root = xml_root(re.sub(r'&(?!#?\w+;)', '&amp;', text), 'linkage2')
     elements = [element for element in root if element.get('layer') != _DRAWING_LAYER]
     links: dict[str, list[str]] = {}
     # Links come first: their numbers are their names, as their identifiers may be there twice.
@@ -119,7 +121,7 @@ def _read_linkage2(text: str) -> list[Joint]:
         name = f'{element.tag} {printable(element.get("id"), 60)}'
         for attribute in _LINKAGE2_REFUSED:
             if element.get(attribute, 'false') != 'false':
-                raise ValueError(f'{name} has {attribute}="...", which cannot be described')
+                raise MechanismError(f'{name} has {attribute}="...", which cannot be described')
         for connector in element.iterfind('connector') if element.tag != 'selected' else ():
             links.setdefault(connector.get('id', ''), []).append(f'link{number}')
     joints = {}
@@ -135,7 +137,9 @@ def _read_linkage2(text: str) -> list[Joint]:
         ends = [joints[limit.get('id', '')] for limit in slider.iterfind('slidelimit')]
         carriers = [link for link in ends[0].links if link in ends[-1].links] if ends else []
         if len(ends) != 2 or not carriers:
-            raise ValueError(f'connector {printable(name, 60)} slides between no points of a link')
+            raise MechanismError(
+                f'connector {printable(name, 60)} slides between no points of a link'
+            )
         way = ends[1].position - ends[0].position
         joint = replace(joints[name], kind=PIN_IN_SLOT, direction=way / (abs(way) or 1.0))
         joints[name] = replace(joint, links=(carriers[0], *joint.links)).renamed({})
@@ -168,20 +172,25 @@ def _joint(  # noqa: PLR0917 - in the order of a row
 ) -> Joint:
     """Return a joint of texts, its angle in degrees."""
     if kind not in {PIN, SLIDER, PIN_IN_SLOT}:
-        raise ValueError(f'the joint {printable(name, 60)} is no R, P or RP, but maybe a gear')
+        raise MechanismError(f'the joint {printable(name, 60)} is no R, P or RP, but maybe a gear')
     members = []
     for link in filter(None, map(str.strip, links)):
         members.append(GROUND if link.lower().startswith(GROUND) else link)
-    # More digits count for nothing.
-    position = complex(float(x[:MAX_DIGITS]), float(y[:MAX_DIGITS]))
-    direction = rect(1.0, radians(float(angle or 0.0)))
+    try:
+        # More digits count for nothing.
+        position = complex(float(x[:MAX_DIGITS]), float(y[:MAX_DIGITS]))
+        direction = rect(1.0, radians(float(angle or 0.0)))
+    except ValueError:
+        problem = f'the x, y or angle of the joint {printable(name, 60)} is no number'
+        raise MechanismError(problem) from None
     return Joint(name, position, tuple(members), kind, direction).renamed({})
 
 
 # The reader of each form, and its description.
-FORMS: dict[str, tuple[Callable[[str], list[Joint]], str]] = {
+FORMS: dict[str, tuple[Callable[..., list[Joint]], str]] = {
     'pyslvs': (_read_pyslvs, 'M[J[R, P[x, y], L[ground, L1]], ...] of Pyslvs, or YAML with it'),
     'pmks+': (_read_pmks_plus, 'whole URL of PMKS+'),
     'linkage2': (_read_linkage2, '.linkage2 file of Linkage by D. Rector'),
+    'urdf': (read_urdf, f'planar URDF with {SIDECAR} (scikit-robot, robonex)'),
     'csv': (_read_csv, 'table: name, x, y, links (type, angle, driven, traced by a header)'),
 }

@@ -128,7 +128,7 @@ def load(text: str) -> Any:
     try:
         return yaml.load(text, _WeighingLoader)  # noqa: S506 - derived from the safe one
     except _LOADER_ERRORS as error:
-        raise ValueError(f'not YAML: {printable_line(error)}') from None
+        raise YamlError(f'not YAML: {printable_line(error)}') from None
 
 
 def dump(data: object, *, flow_style: bool | None = False) -> str:

@@ -56,7 +56,7 @@ ALLOWED = {
     'exercises': {
         *('cli', 'lazy_face', 'sanitize', 'kinematics', 'synthesis', 'plotting', 'web'),
     },
-    'importing': {'cli', 'sanitize', 'kinematics'},
+    'importing': {'cli', 'sanitize', 'kinematics', 'robot'},
     'design': {
         *('cli', 'sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'gait', 'web'),
         *('datasheet', 'export'),
