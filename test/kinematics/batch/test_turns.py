@@ -10,7 +10,7 @@ KERNELS = ['numpy', 'numba']
 
 
 @pytest.mark.parametrize('kernel', KERNELS)
-@pytest.mark.parametrize('name', ['klann', 'jansen', 'slider_crank', 'chebyshev_lambda'])
+@pytest.mark.parametrize('name', ['klann', 'slider_crank'])
 def test_a_turn_has_the_poses_of_the_batch(name: str, kernel: str) -> None:
     legs = random_legs(name, 400)
     turns = whole_turns(legs, COUNT, box=True, kernel=kernel)
