@@ -121,18 +121,26 @@ def test_the_crank_is_the_driven_joint_and_the_foot_a_frame(tmp_path: Path) -> N
     assert table['points']['foot'] == pytest.approx([-34.8, -710.0])
 
 
-def test_the_plane_of_motion_may_have_any_attitude(tmp_path: Path) -> None:
+def test_the_plane_and_the_frames_may_have_any_attitude(tmp_path: Path) -> None:
     turned = KNEE.replace('thigh', 'frame') + (
         '<joint name="hip" type="fixed"><parent link="thigh"/><child link="frame"/>'
         '<origin xyz="0.1 -0.2 0.3" rpy="0.3 -0.7 1.1"/></joint>'
     )
+    # Its x is down, its y forward, its z to the right.
+    coupler = '<origin xyz="0.042262 0.021 0.090631" rpy="1.5707963267949 1.5707963267949 0"/>'
+    coupler += '<axis xyz="0 0 1"/>'
+    lines = KNEE.splitlines()
+    lines[2] = joint('pin', 'crank coupler', '', more=coupler).replace('<origin xyz=""/>', '')
+    loops = KNEE_LOOPS.replace('0.047584, 0.0, -0.125267', '0.125267, 0.047584, 0.0')
+    loops = loops.replace('[0.0, 1.0, 0.0]', '[0.0, 0.0, -1.0]')
     lengths = []
-    for joints in (KNEE, turned):
+    for text, closures in ((KNEE, KNEE_LOOPS), (turned, KNEE_LOOPS), ('\n'.join(lines), loops)):
         output = tmp_path / 'linkage.yaml'
-        assert main([written(tmp_path, joints, KNEE_LOOPS), '-o', str(output)]) == 0
+        assert main([written(tmp_path, text, closures), '-o', str(output)]) == 0
         points = [complex(*point) for point in read_table(output)['points'].values()]
         lengths.append([abs(a - b) for a in points for b in points])
     assert lengths[1] == pytest.approx(lengths[0])
+    assert lengths[2] == pytest.approx(lengths[0])
 
 
 def test_a_pin_of_three_links_is_one_point(tmp_path: Path) -> None:
@@ -188,6 +196,11 @@ def test_the_loops_are_beside_the_urdf_or_in_config(place: str, tmp_path: Path) 
 OTHER_AXIS = KNEE.replace('xyz="0 -1 0"', 'xyz="0 0 1"', 1)
 REFUSED = {
     'knee, motor move in different planes': (OTHER_AXIS, KNEE_LOOPS),
+    # An axis that is not stated is x.
+    'knee, pin move in different planes': (
+        KNEE.replace('0.090631"/><axis xyz="0 -1 0"/>', '0.090631"/>'),
+        KNEE_LOOPS,
+    ),
     'it is open: loop_closures.yaml is missing beside it or in config': (KNEE, None),
     'it is open: loop_closures.yaml has no closures': (KNEE, 'dependent: [pin]'),
     'close is 0.0055 m open at joint zero': (KNEE, KNEE_LOOPS.replace('0.0145', '0.02')),
