@@ -162,9 +162,14 @@ def _read_csv(text: str) -> list[Joint]:
             cells |= {name: cells.get(name, '').replace(',', '.') for name in ('x', 'y', 'angle')}
         kind = cells.get('type') or PIN
         joint = _joint(cells['name'], cells['x'], cells['y'], links, kind, cells.get('angle'))
-        joint = replace(joint, is_driven=bool(cells.get('driven')))
-        joints.append(replace(joint, is_traced=bool(cells.get('traced'))))
+        joint = replace(joint, is_driven=_is_marked(cells.get('driven', '')))
+        joints.append(replace(joint, is_traced=_is_marked(cells.get('traced', ''))))
     return joints
+
+
+def _is_marked(cell: str) -> bool:
+    """Return whether a cell says yes."""
+    return cell.lower() not in {'', '0', 'no', 'false', '-'}
 
 
 def _joint(  # noqa: PLR0917 - in the order of a row

@@ -74,6 +74,9 @@ def linkage_content(joints: Sequence[Joint], crank: str = '', foot: str = '') ->
             bodies[link] = members
     used = {*points[GROUND]}.union(*(points[link] for link in bodies))
     places = {name: [at.real, at.imag] for name, at in positions.items() if name in used}
+    if foot and names.get(foot, foot) not in places:
+        hint = f'there are {listed(places)}{did_you_mean(foot, places)}'
+        raise MechanismError(f'the foot {listed([foot])} is no joint: {hint}')
     foot = names.get(foot, foot) or _likely_foot(joints, points, crank)
     named_parts = {'ground': points[GROUND], 'crank': crank, 'foot': foot}
     return {'points': places, **named_parts, 'links': bodies}
@@ -115,6 +118,8 @@ def _pivot_and_crank(joints: Sequence[Joint], crank: str) -> tuple[Joint, str]:
         for link in joint.pinned if GROUND in joint.pinned else ():
             pivots.setdefault(link, joint)
     pivots.pop(GROUND, None)
+    if not pivots:
+        raise MechanismError(f'no link has a joint with the link that is called {GROUND}')
     motors = [joint for joint in joints if joint.is_driven]
     driven = [link for joint in motors for link in joint.links if link != GROUND]
     if len(driven) > 1 and not crank:

@@ -79,6 +79,14 @@ def test_a_table_of_a_spreadsheet_is_read(capsys: pytest.CaptureFixture[str]) ->
     assert capsys.readouterr().out.splitlines()[4:6] == ['  A: [0.0, 0.0]', '  B: [10.5, 30.0]']
 
 
+@pytest.mark.parametrize('no', ['', '0', 'no', 'False', '-'])
+def test_a_cell_that_says_no_marks_no_joint(no: str, capsys: pytest.CaptureFixture[str]) -> None:
+    marks = {'B': f'{no},yes', 'D': f'1,{no}'}
+    rows = [f'{row},{marks.get(row[0], f"{no},{no}")}' for row in FOUR_BAR.splitlines()]
+    assert main(['\n'.join(['name,x,y,links,driven,traced', *rows])]) == 0
+    assert 'crank rocker, foot B;' in capsys.readouterr().err
+
+
 def test_crank_and_foot_are_chosen_by_their_names_in_the_text(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -86,6 +94,9 @@ def test_crank_and_foot_are_chosen_by_their_names_in_the_text(
     output = tmp_path / 'bar.yaml'
     assert main([text, '-o', str(output), '--crank', 'Hebel']) == 2
     assert 'there are crank, Hebel_2; did you mean Hebel_2?' in capsys.readouterr().err
+    assert main([text, '--foot', 'EE']) == 2
+    says = 'the foot EE is no joint: there are A, B, o_1, D, E'
+    assert says in capsys.readouterr().err
     assert main([text, '-o', str(output), '--crank', 'Hebel-2', '--foot', 'ö 1']) == 0
     structure = linkage_from_file(output).structure
     assert structure.crank.angle == 'Hebel_2'
