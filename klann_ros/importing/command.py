@@ -21,8 +21,8 @@ Write a linkage file (YAML) from a mechanism of another program, by the coordina
 SOURCE is a file, - for the standard input, or the text itself, in one of these forms:
 """
 EPILOG = """\
-A URDF's loop_closures.yaml is beside it, in ../config or ./config: beside a SOURCE of - in the
-current folder. Its joint axes are parallel, and it is read at joint zero.
+The loop_closures.yaml of a URDF is in its folder (of -, the current one), ../config or ./config.
+The axes of its joints are parallel, and its pose is that of joint zero.
 Gears, chains, several motors and linear actuators are refused.
 Exit code: 0 written, 2 SOURCE or an option is refused, 3 OUT.yaml cannot be written."""
 UNITS = {'mm': 1.0, 'cm': 10.0, 'm': 1000.0, 'in': INCH}
