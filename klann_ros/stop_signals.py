@@ -71,7 +71,8 @@ class StopSignals:
         lock held. So neither the timeout nor the signals need a lock of Python's.
         """
         for stream in (sys.stdout, sys.stderr):
-            with suppress(OSError, ValueError):
+            # A closed stream is None.
+            with suppress(AttributeError, OSError, ValueError):
                 stream.flush()
         _exit_after(END_TIMEOUT, code)
         self._is_ending = True

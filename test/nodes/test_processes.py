@@ -239,6 +239,15 @@ def test_nohup_outlives_its_terminal(fresh: Domain) -> None:
     assert node.stop(signal.SIGTERM) == 0
 
 
+def test_a_closed_standard_output_leaves_the_end_in_order() -> None:
+    end = 'from klann_ros.stop_signals import StopSignals; StopSignals().limit_end(0)'
+    shell = ('sh', '-c', 'exec "$@" >&-', 'sh')
+    process = subprocess.run(
+        [*shell, sys.executable, '-c', end], stderr=subprocess.PIPE, text=True, check=False
+    )
+    assert (process.returncode, process.stderr) == (0, '')
+
+
 @pytest.mark.parametrize(
     ('name', 'absent', 'code', 'remedy'),
     [
