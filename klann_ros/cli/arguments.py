@@ -12,6 +12,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from math import nan
 import os
+import re
 import sys
 import textwrap
 from typing import Any, NoReturn
@@ -126,6 +127,8 @@ class ArgumentParser(argparse.ArgumentParser):
         super().__init__(
             prog=prog, description=description, epilog=epilog, formatter_class=_HelpFormatter
         )
+        # A negative number may have a unit.
+        self._negative_number_matcher = re.compile(r'-\.?\d')
         self.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
 
     def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:

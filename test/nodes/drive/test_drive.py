@@ -7,6 +7,7 @@ import signal
 
 from domain import own_domain
 from geometry_msgs.msg import Pose, Twist, TwistStamped
+from klann_ros.nodes.drive.node import read_options
 from klann_ros.nodes.endpoints import LATCHED
 from nav_msgs.msg import Odometry
 import pytest
@@ -140,3 +141,9 @@ def test_what_it_cannot_do_is_one_line(ros: Domain) -> None:
     drives = [ros.start('drive', *arguments) for arguments, _ in table]
     assert {*ended(ros, *drives)} == {1}
     assert [drive.errors for drive in drives] == [f'drive: {line}\n' for _, line in table]
+
+
+def test_negative_quantities_are_no_options() -> None:
+    options = read_options(['drive', 'walk', '-5cm/s', '--turn', '-10deg/s'])
+    assert options.words == ['-5cm/s']
+    assert options.turn == pytest.approx(-0.174533, abs=1e-6)
