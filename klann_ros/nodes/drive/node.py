@@ -16,7 +16,7 @@ from klann_ros.log import definition
 from klann_ros.messages import ANGLE_TYPES, MessageType, parse_definition, TWIST, TWIST_STAMPED
 from klann_ros.nodes import endpoints
 from klann_ros.nodes.crank_output import standstill
-from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
+from klann_ros.nodes.process import arguments, Finish, ProcessNode, ros_error, run
 from klann_ros.sanitize import yaml_text
 from klann_ros.sanitize.quantity import read_quantity
 from klann_ros.sanitize.text import listed, printable
@@ -69,7 +69,7 @@ class DriveNode(ProcessNode):
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             self._finish()
         except Exception as error:
-            print_error('drive', error)
+            print_error('drive', ros_error(error))
             self._finish(1)
 
 
