@@ -16,6 +16,7 @@ import sys
 import time
 import traceback
 from typing import Any
+import warnings
 
 import pytest
 
@@ -186,7 +187,14 @@ class WorkerReporter:
     def pytest_warning_recorded(
         self, warning_message: Any, when: Any, nodeid: str, location: Any
     ) -> None:
-        content = {'warning_message': warning_message, 'when': when}
+        # Its source, such as a coroutine, cannot be sent.
+        shown = warnings.WarningMessage(
+            UserWarning(f'{warning_message.category.__name__}: {warning_message.message}'),
+            UserWarning,
+            warning_message.filename,
+            warning_message.lineno,
+        )
+        content = {'warning_message': shown, 'when': when}
         if self.sends_warnings:
             self._connection.send(('warning', content | {'nodeid': nodeid, 'location': location}))
 
