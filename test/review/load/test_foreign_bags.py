@@ -52,7 +52,7 @@ def test_missing_data_is_reported(foreign, capsys) -> None:
     # There is neither a count nor a sequence number.
     lines = [line for line in output.splitlines() if line.startswith('/')][1:]
     assert len(lines) == 3
-    assert all(line.endswith(' ?') for line in lines)
+    assert all(line.endswith('  unknown') for line in lines)
 
 
 def test_with_a_geometry_the_poses_are_judged(foreign, capsys) -> None:
