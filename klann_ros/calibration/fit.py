@@ -77,60 +77,33 @@ class SeriesFit(NamedTuple):
 @with_short_repr
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """
-    The leg as it was built.
-
-    Attributes
-    ----------
-    drawn, linkage : Linkage
-        The leg as drawn, and with the calibrated dimensions.
-    model : MeasurementModel
-        The parameters: dimensions, encoder zero, and optional ones.
-    values, standard_errors : numpy.ndarray, shape (number of parameters,)
-        Their values and standard errors [m, rad, s]; NaN errors of parameters that belong to an
-        unobservable combination.
-    covariance : numpy.ndarray
-        Of the parameters, in their units; of unobservable combinations that of a workshop.
-    observability : Observability
-        The combinations that the measurements observe.
-    series : tuple of SeriesFit
-        The residuals.
-    crank_noise : float
-        Standard deviation of the encoder's samples [rad]; 0 if it does not show, or beside a
-        `crank_gap`.
-    crank_gap : float
-        Standard deviation of the crank angle between samples that are too far apart [rad]; 0 for
-        samples that show its motion.
-    chi2_dof : float or None
-        Sum of squared residuals over the stated noise, per degree of freedom; None if the noise
-        of a series is unknown and estimated from its residuals.
-    late : float
-        Delay of the measurements that the residuals show, if it was taken to be 0 [s]; 0 for none.
-    prior : bool
-        Whether a prior fixed what the measurements leave open.
-    held_out : float or None
-        Residuals of the last turn over their noise, predicted by a fit of the turns before it;
-        None for less than two turns.
-    camera_rotation : float
-        Rotation of the camera that would explain large corrections, if its pose was taken to be
-        known [rad]; 0 for none.
-
-    """
+    """The leg as it was built."""
 
     drawn: Linkage
-    linkage: Linkage
-    model: MeasurementModel
-    values: FloatArray
+    linkage: Linkage  #: with the calibrated dimensions
+    model: MeasurementModel  #: the parameters: dimensions, encoder zero, and optional ones
+    values: FloatArray  #: of the parameters [m, rad, s]
+    #: Of the values; NaN of parameters that belong to an unobservable combination.
     standard_errors: FloatArray
+    #: Of the parameters, in their units; of unobservable combinations that of a workshop.
     covariance: FloatArray
-    observability: Observability
-    series: tuple[SeriesFit, ...]
+    observability: Observability  #: the combinations that the measurements observe
+    series: tuple[SeriesFit, ...]  #: the residuals
+    #: Standard deviation of the encoder's samples [rad]; 0 if it does not show, or beside a gap.
     crank_noise: float
+    #: Standard deviation of the crank angle between samples that are too far apart [rad], or 0.
     crank_gap: float
+    #: Sum of squared residuals over the stated noise, per degree of freedom; None if the noise of
+    #: a series is unknown and estimated from its residuals.
     chi2_dof: float | None
+    #: Delay of the measurements that the residuals show, if it was taken to be 0 [s], or 0.
     late: float
-    prior: bool
+    prior: bool  #: whether a prior fixed what the measurements leave open
+    #: Residuals of the last turn over their noise, predicted by a fit of the turns before it; None
+    #: for less than two turns.
     held_out: float | None = None
+    #: Rotation of the camera that would explain large corrections, if its pose was taken to be
+    #: known [rad], or 0.
     camera_rotation: float = 0.0
 
     @property

@@ -25,26 +25,14 @@ class Motor:
     """
     A DC motor with its gear: its torque falls linearly from the stall torque to 0 at no load.
 
-    Attributes
-    ----------
-    stall_torque : float
-        The motor's stall torque, without its gear [N m], > 0.
-    no_load_speed : float
-        The motor's no-load speed, without its gear [rad/s], > 0.
-    gear_ratio : float
-        Turns of the motor for one of the crank, > 0; 1 without a gear.
-    efficiency : float
-        The gear's efficiency, > 0 and <= 1.
-    continuous_torque : float, optional
-        The motor's permissible rms torque in continuous operation [N m], > 0.
-
+    Its gear has an efficiency of at most 1, and a ratio of 1 where there is none.
     """
 
-    stall_torque: float
-    no_load_speed: float
-    gear_ratio: float
-    efficiency: float
-    continuous_torque: float | None = None
+    stall_torque: float  #: of the motor, without its gear [N m], > 0
+    no_load_speed: float  #: of the motor, without its gear [rad/s], > 0
+    gear_ratio: float  #: turns of the motor for one of the crank, > 0
+    efficiency: float  #: of the gear
+    continuous_torque: float | None = None  #: permissible rms torque of the motor [N m], > 0
 
     def __post_init__(self) -> None:
         """Refuse invalid motor data."""
@@ -126,38 +114,16 @@ def _check(name: str, number: Any) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class MotorVerdict:
-    """
-    Whether a motor can turn a crank at a speed.
-
-    Attributes
-    ----------
-    motor : Motor
-        The motor.
-    speed : float
-        The crank's speed, without its direction [rad/s].
-    available : float
-        Torque of the gear's output at this speed [N m].
-    peak : float
-        Largest required driving torque, infinite if undefined at an angle [N m].
-    peak_at : float
-        The angle of the crank joint there [rad].
-    braking_peak : float
-        Largest required braking torque [N m].
-    motor_rms : float
-        Rms torque at the motor, losses of the gear included [N m].
-    fastest : float
-        The largest speed that it reaches from standstill [rad/s]; 0 if it cannot start.
-
-    """
+    """Whether a motor can turn a crank at a speed."""
 
     motor: Motor
-    speed: float
-    available: float
-    peak: float
-    peak_at: float
-    braking_peak: float
-    motor_rms: float
-    fastest: float
+    speed: float  #: of the crank, without its direction [rad/s]
+    available: float  #: torque of the gear's output at this speed [N m]
+    peak: float  #: largest driving torque, infinite if undefined at an angle [N m]
+    peak_at: float  #: angle of the crank joint there [rad]
+    braking_peak: float  #: largest braking torque [N m]
+    motor_rms: float  #: rms torque at the motor, losses of the gear included [N m]
+    fastest: float  #: reached from standstill [rad/s]; 0 if it cannot start
 
     @property
     def margin(self) -> float:

@@ -93,61 +93,24 @@ class CostsOfTransport(NamedTuple):
 @with_short_repr
 @dataclass(frozen=True, eq=False)
 class LegSheet:
-    """
-    A leg, or several equal ones.
+    """A leg, or several equal ones."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Their names; '' for the only, unnamed one.
-    linkage : Linkage
-        The linkage.
-    has_foot : bool
-        Whether its published point is a foot, whose stance is shown.
-    bars : tuple of BarFigures
-        Its dimensions.
-    no_margins : str
-        The reason for missing margins, or ''.
-    turns_fully : bool
-        Whether its crank turns fully.
-    arcs : tuple of (float, float)
-        The reachable crank angles [rad].
-    path : FootPath, optional
-        The path of its foot.
-    stance : Stance, optional
-        The stance of its foot.
-    no_stance : str
-        The reason for a missing stance, or ''.
-    alphas : numpy.ndarray, shape (k,)
-        Crank angles of all samples over the turn [rad].
-    points : numpy.ndarray, shape (k, p, 2)
-        The linkage's points there [m].
-    transmission : tuple of Transmission
-        One for each dyad.
-    masses : Masses, optional
-        The masses of one of them; None without any in the file.
-    empty, loaded : LegForces, optional
-        Without and with the load on the foot in stance. Without masses there is no `empty`, and
-        `loaded` is of the load alone.
-
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  #: '' for the only, unnamed one
     linkage: Linkage
-    has_foot: bool
-    bars: tuple[BarFigures, ...]
-    no_margins: str
+    has_foot: bool  #: whether its published point is a foot, whose stance is shown
+    bars: tuple[BarFigures, ...]  #: its dimensions
+    no_margins: str  #: the reason for missing margins, or ''
     turns_fully: bool
-    arcs: tuple[Arc, ...]
-    path: FootPath | None
-    stance: Stance | None
-    no_stance: str
-    alphas: FloatArray
-    points: FloatArray
-    transmission: tuple[Transmission, ...]
-    masses: Masses | None
-    empty: LegForces | None
-    loaded: LegForces | None
+    arcs: tuple[Arc, ...]  #: the reachable crank angles [rad]
+    path: FootPath | None  #: of its foot
+    stance: Stance | None  #: of its foot
+    no_stance: str  #: the reason for a missing stance, or ''
+    alphas: FloatArray  #: crank angles of all samples over the turn, shape (k,) [rad]
+    points: FloatArray  #: the linkage's points there, shape (k, p, 2) [m]
+    transmission: tuple[Transmission, ...]  #: one for each dyad
+    masses: Masses | None  #: of one of them; None without any in the file
+    empty: LegForces | None  #: without the load on the foot; None without masses
+    loaded: LegForces | None  #: with the load in stance, which is all without masses
 
     @property
     def shown_stance(self) -> Stance | None:
@@ -193,45 +156,19 @@ def cases(sheet: LegSheet | CrankSheet) -> list[tuple[str, Any]]:
 @with_short_repr
 @dataclass(frozen=True, eq=False)
 class DataSheet:
-    """
-    The data sheet of a robot; made by `data_sheet`.
-
-    Attributes
-    ----------
-    name, source : str
-        The robot's name and file.
-    speed : float
-        The rate of its cranks, negative for clockwise [rad/s].
-    load : float
-        The ground reaction of each foot in stance [N].
-    legs : tuple of LegSheet
-        Each distinct leg once.
-    cranks : tuple of CrankSheet
-        The joints that turn them.
-    motor : Motor, optional
-        The motor of each of them.
-    no_forces : str
-        The reason for missing forces, or ''.
-    walk : GaitFigures, optional
-        The gait of a walker over a turn.
-    no_walk : str
-        The reason why a walker does not walk, or ''.
-    body_mass : float
-        The mass of a walker's body [kg].
-
-    """
+    """The data sheet of a robot; made by `data_sheet`."""
 
     name: str
-    source: str
-    speed: float
-    load: float
-    legs: tuple[LegSheet, ...]
-    cranks: tuple[CrankSheet, ...]
-    motor: Motor | None
-    no_forces: str
-    walk: GaitFigures | None
-    no_walk: str
-    body_mass: float
+    source: str  #: the robot's file
+    speed: float  #: rate of its cranks, negative for clockwise [rad/s]
+    load: float  #: ground reaction of each foot in stance [N]
+    legs: tuple[LegSheet, ...]  #: each distinct leg once
+    cranks: tuple[CrankSheet, ...]  #: the joints that turn them
+    motor: Motor | None  #: of each of these joints
+    no_forces: str  #: the reason for missing forces, or ''
+    walk: GaitFigures | None  #: the gait of a walker over a turn
+    no_walk: str  #: the reason why a walker does not walk, or ''
+    body_mass: float  #: of a walker [kg]
 
     @property
     def costs_of_transport(self) -> CostsOfTransport | None:

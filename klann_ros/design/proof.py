@@ -43,32 +43,18 @@ class FittedCandidate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FoundLeg:
-    """
-    A leg that fulfils the requirements, from a space.
-
-    Attributes
-    ----------
-    expected, reached : mapping of str to float
-        Its figures in the search, and in its data sheet (SI).
-    margins : mapping of str to (float, float)
-        The range of each dimension in which it turns, all others unchanged [m, rad].
-    tolerance : float
-        Half-width of the lengths in the study: relative, or in m where the requirements have one.
-    non_turning_fraction : float
-        Of the legs within the tolerance.
-    walker : mapping, optional
-        The parameters of the walker of the leg.
-
-    """
+    """A leg that fulfils the requirements, from a space."""
 
     leg: RobotLeg
     space: Space
-    expected: dict[str, float]
-    reached: dict[str, float]
+    expected: dict[str, float]  #: its figures in the search (SI)
+    reached: dict[str, float]  #: its figures in its data sheet (SI)
+    #: The range of each dimension in which it turns, all others unchanged [m, rad].
     margins: dict[str, tuple[float, float]]
+    #: Of the lengths in the study: relative, or in m where the requirements have one.
     tolerance: float
-    non_turning_fraction: float
-    walker: Mapping[str, Any] | None = None
+    non_turning_fraction: float  #: of the legs within the tolerance
+    walker: Mapping[str, Any] | None = None  #: the parameters of the walker of the leg
 
     @property
     def linkage(self) -> Linkage:

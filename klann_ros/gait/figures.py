@@ -20,37 +20,18 @@ class GaitFigures:
 
     Where the body's centre of mass is outside of all feet, it does not rest: supports are empty,
     the margin is negative, and the attitude NaN.
-
-    Attributes
-    ----------
-    legs : tuple of str
-        The names of the legs.
-    alphas : numpy.ndarray, shape (k,)
-        What the cranks have turned, evenly over a turn from 0 on [rad].
-    loads : numpy.ndarray, shape (k, n)
-        The part of the weight that each foot carries.
-    height : numpy.ndarray, shape (k,)
-        Height of base_link's origin above the ground [m].
-    roll, pitch : numpy.ndarray, shape (k,)
-        As in REP 103 [rad].
-    margin : numpy.ndarray, shape (k,)
-        The static margin [m].
-    advance : numpy.ndarray, shape (k, 3)
-        How far it is by then: x, y [m] and yaw [rad], from 0 on; the last is that after a turn.
-    slid : float
-        How far its feet slide in the turn, each by the weight that it carries [m].
-
     """
 
-    legs: tuple[str, ...]
-    alphas: FloatArray
-    loads: FloatArray
-    height: FloatArray
-    roll: FloatArray
+    legs: tuple[str, ...]  #: their names
+    alphas: FloatArray  #: rotation of the cranks, evenly over a turn from 0 on, shape (k,) [rad]
+    loads: FloatArray  #: the part of the weight that each foot carries, shape (k, n)
+    height: FloatArray  #: of base_link's origin above the ground, shape (k,) [m]
+    roll: FloatArray  #: as in REP 103, shape (k,) [rad]
     pitch: FloatArray
-    margin: FloatArray
+    margin: FloatArray  #: the static margin, shape (k,) [m]
+    #: The pose after each step: x, y [m] and yaw [rad], shape (k, 3); the last is that of a turn.
     advance: FloatArray
-    slid: float
+    slid: float  #: how far its feet slide in the turn, each by the weight that it carries [m]
 
     @property
     def stride(self) -> float:

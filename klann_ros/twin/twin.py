@@ -74,44 +74,18 @@ OUTLIER_SIZE = 0.05
 
 @dataclass(frozen=True)
 class Sensors:
-    """
-    Sensor noise: standard deviations of white noise.
+    """Sensor noise: standard deviations of white noise."""
 
-    Attributes
-    ----------
-    encoder_noise : float
-        Of the angle of a crank [rad].
-    velocity_noise : float
-        Of its rate [rad/s].
-    encoder_offset : float
-        Constant error of all encoders [rad].
-    gyro_noise : float
-        Of each component [rad/s].
-    accelerometer_noise : float
-        Of each component [m/s^2].
-    accelerometer_offset : float
-        Constant error of each component [m/s^2].
-    orientation_noise : float
-        About each axis [rad].
-    camera_noise : float
-        Of each coordinate of a measured point [m].
-    camera_outliers : float
-        Share of the measured points that are wrong, by some OUTLIER_SIZE.
-    imu_sampling : ImuSampling
-        How the IMU samples rates and accelerations.
-
-    """
-
-    encoder_noise: float = 0.0
-    velocity_noise: float = 0.0
-    encoder_offset: float = 0.0
-    gyro_noise: float = 0.0
-    accelerometer_noise: float = 0.0
-    accelerometer_offset: float = 0.0
-    orientation_noise: float = 0.0
-    camera_noise: float = 0.0
-    camera_outliers: float = 0.0
-    imu_sampling: ImuSampling = ImuSampling.MEAN
+    encoder_noise: float = 0.0  #: of the angle of a crank [rad]
+    velocity_noise: float = 0.0  #: of its rate [rad/s]
+    encoder_offset: float = 0.0  #: constant error of all encoders [rad]
+    gyro_noise: float = 0.0  #: of each component [rad/s]
+    accelerometer_noise: float = 0.0  #: of each component [m/s^2]
+    accelerometer_offset: float = 0.0  #: constant error of each component [m/s^2]
+    orientation_noise: float = 0.0  #: about each axis [rad]
+    camera_noise: float = 0.0  #: of each coordinate of a measured point [m]
+    camera_outliers: float = 0.0  #: share of the measured points that are wrong, by OUTLIER_SIZE
+    imu_sampling: ImuSampling = ImuSampling.MEAN  #: of rates and accelerations
 
     def __post_init__(self) -> None:
         """Refuse invalid noise."""

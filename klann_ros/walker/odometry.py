@@ -132,34 +132,9 @@ UNMEASURED = StepMeasurement()
 
 class Odometry:
     """
-    Estimate the motion of a walker.
+    Estimate the motion of a walker on its feet.
 
-    Parameters
-    ----------
-    feet : Feet
-        The walker's.
-    noise : OdometryNoise, optional
-        Uncertainties.
-
-    Attributes
-    ----------
-    state : FilterState
-        Pose, velocity and biases.
-    contact_errors : ContactErrors
-        The part of the pose's covariance that the contact model causes.
-    stance : StanceEstimator
-        Its feet, and the ground below them.
-    imu_input : ImuInput
-        Its IMU.
-    accelerometer : AccelerometerMonitor
-        Whether it is believed.
-    standstill : StandstillDetector
-        Whether it stands.
-    gyro : GyroCalibration
-        Measures the gyro's bias at standstill.
-    slid : float
-        The distance that its feet slid [m].
-
+    `slid` is the distance that they slid [m], `noise` are the uncertainties.
     """
 
     def __init__(self, feet: Feet, noise: OdometryNoise | None = None) -> None:

@@ -1,8 +1,8 @@
 """
 Settings of a walker's controller and odometry: what users set, and how both were tuned.
 
-Users set the fields of the docstrings, as parameters of walker_node. The fields below them are
-tuning: the controller's was chosen by `benchmarks/walk.py --grid` on walker6_two_motors and
+Users set the described fields, as parameters of walker_node. The fields below them are tuning: the
+controller's was chosen by `benchmarks/walk.py --grid` on walker6_two_motors and
 walker8_two_motors, the odometry's by `benchmarks/odometry.py` on walker6_two_motors and
 walker_jansen alone. A comment that gives a bound or a reason is its source instead.
 """
@@ -15,52 +15,27 @@ from .limits import MotionLimits
 
 @dataclass(frozen=True)
 class ControllerSettings:
-    """
-    Limits, timeouts and gains of the controller.
+    """Limits, timeouts and gains of the controller."""
 
-    Attributes
-    ----------
-    limits : MotionLimits
-        Of its motion.
-    cmd_vel_timeout, feedback_timeout : float
-        Older commands, and older feedback of any crank, stop it [s].
-    max_gap : float
-        After a longer gap between two steps the set points restart at the measured angles [s].
-    phase_lock : bool
-        Whether cranks are kept in phase by their feedback.
-    phase_gain, phase_integral : float
-        P [1/s] and I [1/s^2] of the phase lock.
-    rephase : float
-        The part of its rate by which a crank goes faster or slower to get back into phase.
-    motion_gain : float
-        K of the motion feedback; 0 for no correction [1/s].
-    max_following_error : float
-        A crank that does not follow its command over this path is a fault [rad].
-    max_tilt : float
-        A larger tilt of the body, by its IMU, is a fault [rad].
-    auto_reset : bool
-        Whether a motion that is commanded after a command of 0 resets a fault.
-    e_stop_timeout : float
-        A longer silence of an emergency stop, once heard, stops it; at 0 none does [s].
-    max_effort : float
-        A larger effort of a crank, for a time, stops it; at 0 none does [N m].
-
-    """
-
-    limits: MotionLimits = field(default_factory=MotionLimits)
-    cmd_vel_timeout: float = 0.5
-    feedback_timeout: float = 0.3
+    limits: MotionLimits = field(default_factory=MotionLimits)  #: of its motion
+    cmd_vel_timeout: float = 0.5  #: an older command stops it [s]
+    feedback_timeout: float = 0.3  #: older feedback of any crank stops it [s]
+    #: After a longer gap between two steps the set points restart at the measured angles [s].
     max_gap: float = 0.2
-    phase_lock: bool = True
-    phase_gain: float = 4.0
-    phase_integral: float = 4.0
+    phase_lock: bool = True  #: whether cranks are kept in phase by their feedback
+    phase_gain: float = 4.0  #: P of the phase lock [1/s]
+    phase_integral: float = 4.0  #: I of the phase lock [1/s^2]
+    #: The part of its rate by which a crank goes faster or slower to get back into phase.
     rephase: float = 0.1
-    motion_gain: float = 0.5
+    motion_gain: float = 0.5  #: K of the motion feedback; 0 for no correction [1/s]
+    #: A crank that does not follow its command over this path is a fault [rad].
     max_following_error: float = 0.15
-    max_tilt: float = radians(30.0)
+    max_tilt: float = radians(30.0)  #: a larger tilt of the body, by its IMU, is a fault [rad]
+    #: Whether a motion that is commanded after a command of 0 resets a fault.
     auto_reset: bool = False
+    #: A longer silence of an emergency stop, once heard, stops it; at 0 none does [s].
     e_stop_timeout: float = 1.0
-    max_effort: float = 0.0
+    max_effort: float = 0.0  #: a larger effort of a crank, for a time, stops it; at 0 none [N m]
     # The largest correction of the speed straight on, and by how much it is reduced in curves, as
     # a part of the command; the largest lag straight on, of which K times makes this part of it.
     max_correction: float = 0.5
@@ -88,54 +63,28 @@ class ControllerSettings:
 
 @dataclass(frozen=True)
 class OdometryNoise:
-    """
-    Uncertainties of the estimator: standard deviations and noise densities.
+    """Uncertainties of the estimator: standard deviations and noise densities."""
 
-    Attributes
-    ----------
-    friction : float
-        Friction coefficient of the feet, which is unknown: the default lies between wet tile and
-        rubber on concrete.
-    stiction_speed : float
-        A foot that sticks creeps by less than this: 0.001 on hard ground, 0.05 on soft [m/s].
-    accelerometer_noise, gyro_noise : float
-        Densities of white noise [m/s^2/sqrt(Hz)], [rad/s/sqrt(Hz)]; the former includes errors of
-        the measured attitude and of scale.
-    accelerometer_bias, gyro_bias : float
-        Before the first standstill [m/s^2], [rad/s].
-    accelerometer_drift, gyro_drift : float
-        Random walks of the biases [m/s^2/sqrt(s)], [rad/s/sqrt(s)].
-    standstill_yaw_rate : float
-        Of the yaw at standstill, as feet creep on soft ground [rad/s].
-    heading_error : float
-        Of an IMU's yaw whose message gives no covariance [rad].
-    advance_error : float
-        Relative error of the advance.
-    slip_error, slip_yaw_error : float
-        Errors of the motion and of its rotation at the reach of the feet, relative to the slip.
-    contact_error : float
-        Error relative to the difference between least squares and the friction law.
-    height_error, tilt_error : float
-        Of the pose on its feet [m], [rad].
-
-    """
-
+    #: Friction coefficient of the feet, unknown: between wet tile and rubber on concrete.
     friction: float = 0.6
+    #: A foot that sticks creeps by less than this: 0.001 on hard ground, 0.05 on soft [m/s].
     stiction_speed: float = 0.001
+    #: Density, with errors of the measured attitude and of scale [m/s^2/sqrt(Hz)].
     accelerometer_noise: float = 0.003
-    gyro_noise: float = 5e-4
-    accelerometer_bias: float = 0.3
-    gyro_bias: float = 0.005
-    accelerometer_drift: float = 0.0015
-    gyro_drift: float = 2e-5
-    standstill_yaw_rate: float = 0.0005
-    heading_error: float = 0.005
-    advance_error: float = 0.01
-    slip_error: float = 0.11
-    slip_yaw_error: float = 0.085
+    gyro_noise: float = 5e-4  #: density [rad/s/sqrt(Hz)]
+    accelerometer_bias: float = 0.3  #: before the first standstill [m/s^2]
+    gyro_bias: float = 0.005  #: before the first standstill [rad/s]
+    accelerometer_drift: float = 0.0015  #: random walk of the bias [m/s^2/sqrt(s)]
+    gyro_drift: float = 2e-5  #: random walk of the bias [rad/s/sqrt(s)]
+    standstill_yaw_rate: float = 0.0005  #: at standstill, as feet creep on soft ground [rad/s]
+    heading_error: float = 0.005  #: of an IMU's yaw whose message gives no covariance [rad]
+    advance_error: float = 0.01  #: relative error of the advance
+    slip_error: float = 0.11  #: error of the motion, relative to the slip
+    slip_yaw_error: float = 0.085  #: of the rotation at the feet's reach, relative to the slip
+    #: Error relative to the difference between least squares and the friction law.
     contact_error: float = 0.5
-    height_error: float = 0.01
-    tilt_error: float = 0.02
+    height_error: float = 0.01  #: of the pose on its feet [m]
+    tilt_error: float = 0.02  #: of the pose on its feet [rad]
     # Information of friction on the velocity of the body: K [s/m^2]. It sets the scale of the
     # covariance of the velocity: noise of 3 mm/s of a foot that sticks, in a step of 10 ms.
     friction_information: float = 3e4
