@@ -149,15 +149,20 @@ def _mark(options: argparse.Namespace) -> int:
         print(f'{printable(inputs[1])}: {assignment.summary()}')
     answers = Answers(options.answers, assignment, dict(options.column or ()))
     class_marks = answers.marks()
-    for (student, kind), grade in grades(class_marks, assignment).items():
+    class_grades = grades(class_marks, assignment)
+    for (student, kind), grade in class_grades.items():
         print(f'{printable(student)}  {kind}  {grade.points:g} of {assignment.points_of(kind):g}')
         for reason in grade.reasons:
             print(f'    {reason}')
     notes = [f'note: {note}' for note in answers.notes]
     refusals = [f'refused: {line}' for line in answers.refused]
-    print('\n'.join([*class_summary(class_marks, assignment), *notes, *refusals]))
-    savers = {'--csv': save_marks, '--gradebook': save_gradebook}
-    save_all(files, {name: partial(savers[name], class_marks, assignment) for name in savers})
+    summary = class_summary(class_marks, class_grades, assignment)
+    print('\n'.join([*summary, *notes, *refusals]))
+    savers = {
+        '--csv': partial(save_marks, class_marks, assignment),
+        '--gradebook': partial(save_gradebook, class_grades, assignment),
+    }
+    save_all(files, savers)
     return ROWS_REFUSED if refusals else 0
 
 

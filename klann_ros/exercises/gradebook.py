@@ -1,6 +1,6 @@
 """The tables that a class gets: empty ones for its answers, its marks, and its gradebook."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean, quantiles
 from typing import BinaryIO, NamedTuple
 
@@ -20,6 +20,10 @@ class Grade(NamedTuple):
 
     points: float
     reasons: list[str]
+
+
+Grades = Mapping[tuple[str, str], Grade]
+"""The grades of a class by student and kind."""
 
 
 def save_template(assignment: Assignment, is_wide: bool, file: BinaryIO) -> None:
@@ -54,11 +58,7 @@ def save_marks(class_marks: Marks, assignment: Assignment, file: BinaryIO) -> No
     _save(MARK_COLUMNS, lines, language, file)
 
 
-def _kinds(class_marks: Marks, assignment: Assignment) -> Iterable[str]:
-    return dict.fromkeys([*assignment.points, *(kind for _, kind in class_marks)])
-
-
-def grades(class_marks: Marks, assignment: Assignment) -> dict[tuple[str, str], Grade]:
+def grades(class_marks: Marks, assignment: Assignment) -> Grades:
     """Return the grades by student and kind."""
     language = assignment.language
     grade_of = {}
@@ -74,15 +74,19 @@ def grades(class_marks: Marks, assignment: Assignment) -> dict[tuple[str, str], 
     return grade_of
 
 
-def save_gradebook(class_marks: Marks, assignment: Assignment, file: BinaryIO) -> None:
+def _kinds(class_grades: Grades, assignment: Assignment) -> Iterable[str]:
+    return dict.fromkeys([*assignment.points, *(kind for _, kind in class_grades)])
+
+
+def save_gradebook(class_grades: Grades, assignment: Assignment, file: BinaryIO) -> None:
     """Write the gradebook, a row a student: the points of each task, the total, the reasons."""
     language = assignment.language
-    kinds = _kinds(class_marks, assignment)
-    grade_of = grades(class_marks, assignment)
+    kinds = _kinds(class_grades, assignment)
     rows = []
-    for student in dict.fromkeys([*assignment.students, *(student for student, _ in class_marks)]):
+    students = [*assignment.students, *(student for student, _ in class_grades)]
+    for student in dict.fromkeys(students):
         cells = [student, assignment.students.get(student, '')]
-        student_grades = {kind: grade_of.get((student, kind)) for kind in kinds}
+        student_grades = {kind: class_grades.get((student, kind)) for kind in kinds}
         marked = {kind: grade for kind, grade in student_grades.items() if grade}
         for grade in student_grades.values():
             cells.append(_points_text(grade.points, language) if grade else '')
@@ -104,7 +108,7 @@ def _points_text(points: float, language: str) -> str:
     return localised(f'{points:.6g}', language)
 
 
-def class_summary(class_marks: Marks, assignment: Assignment) -> list[str]:
+def class_summary(class_marks: Marks, class_grades: Grades, assignment: Assignment) -> list[str]:
     """Return lines with the slips of each task, the points of the class, and its extremes."""
     lines = []
     for kind, counts in statistics(class_marks).items():
@@ -113,10 +117,10 @@ def class_summary(class_marks: Marks, assignment: Assignment) -> list[str]:
         slips = ', '.join(f'{slip} {count:g}' for slip, count in counts.items())
         lines.append(f'{kind}: {students}, {share:.0f} %; {slips}')
     totals: dict[str, float] = {}
-    for (student, _), grade in grades(class_marks, assignment).items():
+    for (student, _), grade in class_grades.items():
         totals[student] = totals.get(student, 0.0) + grade.points
     if len(totals) > 1:
-        total = sum(map(assignment.points_of, _kinds(class_marks, assignment)))
+        total = sum(map(assignment.points_of, _kinds(class_grades, assignment)))
         quartiles = quantiles(totals.values(), method='inclusive')
         lines.append(assignment.word('spread', total, fmean(totals.values()), *quartiles))
     shares: dict[str, list[float]] = {}
