@@ -104,12 +104,7 @@ class Plate:
 
 
 def plates(
-    robot: Robot,
-    *,
-    hole: float,
-    width: float,
-    scale: float = 1.0,
-    holes: Mapping[str, float] | None = None,
+    robot: Robot, *, hole: float, width: float, holes: Mapping[str, float] | None = None
 ) -> tuple[Plate, ...]:
     """
     Return the plates of a robot; equal legs once, with their number.
@@ -122,15 +117,11 @@ def plates(
         The diameter of the holes [m].
     width : float
         The width of a link [m].
-    scale : float
-        Scale of the robot; holes and width stay.
     holes : mapping of str to float, optional
         The diameters of some joints, by the names of their points [m].
 
     Raises
     ------
-    GeometryError
-        The scale is not finite and > 0.
     ExportError
         A diameter or the width is invalid, a joint is unknown, or holes are too close.
 
@@ -150,7 +141,7 @@ def plates(
         )
     legs_of: dict[Linkage, list[str]] = {}
     for leg in robot.legs:
-        legs_of.setdefault(leg.linkage.scaled(scale), []).append(leg.name)
+        legs_of.setdefault(leg.linkage, []).append(leg.name)
     robot_plates: list[Plate] = []
     joints: set[str] = set()
     for linkage, names in legs_of.items():

@@ -9,7 +9,17 @@ import re
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from klann_ros.export import Drawing, drawing, dxf, ExportError, Plate, plates, svg
+from klann_ros.export import (
+    Drawing,
+    drawing,
+    dxf,
+    ExportError,
+    PartSizes,
+    placed_legs,
+    Plate,
+    plates,
+    svg,
+)
 from klann_ros.export.outline import Corner, outlines
 from klann_ros.export.plates import slot_conflict
 from klann_ros.export.travel import crank_angles
@@ -26,8 +36,8 @@ HOLE, WIDTH = 2e-3, 8e-3
 MICRON = 1e-3  # in mm
 
 
-def drawn(robot: Robot, **options: float) -> tuple[tuple[Plate, ...], Drawing]:
-    robot_plates = plates(robot, hole=HOLE, width=WIDTH, **options)
+def drawn(robot: Robot) -> tuple[tuple[Plate, ...], Drawing]:
+    robot_plates = plates(robot, hole=HOLE, width=WIDTH)
     return robot_plates, drawing(robot_plates)
 
 
@@ -225,7 +235,8 @@ def test_a_slot_that_meets_an_axle_is_reported() -> None:
 def test_scale_moves_the_holes_and_leaves_them_their_size() -> None:
     distances = []
     for scale in (1.0, 0.5):
-        circles = drawn(robot_of('patent'), scale=scale)[1].circles
+        (leg,) = placed_legs(robot_of('patent'), PartSizes(hole=HOLE, width=WIDTH), scale)
+        circles = drawing(leg.stack.plates).circles
         distances.append(abs(circles[-1].at - circles[-2].at))
         assert {circle.radius for circle in circles} == {1.0}
     assert distances[0] == pytest.approx(2 * distances[1])
