@@ -11,6 +11,7 @@ the pivots of the grounds. Square beams join the walls where no leg passes.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import chain, groupby, product
 from operator import attrgetter
 from typing import Any
@@ -30,6 +31,8 @@ POSITIONS, JOINTS_STRIDE = 360, 5
 BEAMS, BEAM_ANGLE, BEAM_DIRECTIONS = 3, 45, range(0, 181, 15)
 # Half of a beam's diagonal, as a part of the width of links.
 BEAM_RADIUS = 0.75
+# The parts of a file are placed to be weighed, and again with their masses.
+_layers = lru_cache(maxsize=16)(layers)
 
 
 def placed_legs(
@@ -54,7 +57,7 @@ def placed_legs(
     linkages = dict.fromkeys(leg.linkage for leg in robot.legs)
     leg_plates = groupby(robot_plates, key=attrgetter('legs'))
     for linkage, (_, group) in zip(linkages, leg_plates, strict=True):
-        stacks[linkage] = seated(layers(linkage, [*group]), sizes, linkage)
+        stacks[linkage] = seated(_layers(linkage, tuple(group)), sizes, linkage)
     stack_plates = chain.from_iterable(stack.plates for stack in stacks.values())
     holes = chain.from_iterable(plate.holes for plate in stack_plates)
     for name in sizes.seats.keys() - {*chain.from_iterable(h.points for h in holes if h.depth)}:
