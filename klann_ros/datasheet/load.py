@@ -6,7 +6,7 @@ from typing import NamedTuple
 from klann_ros.dynamics import Dynamics, TurnOfForces
 from klann_ros.kinematics import Stance
 from klann_ros.kinematics.angles import enclosing_turns, TURN
-from klann_ros.kinematics.arrays import BoolArray, FloatArray
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import RobotLeg
 import numpy as np
 
@@ -45,19 +45,13 @@ class CrankLoad(NamedTuple):
         return TurnOfForces(self.angles, float(speed), self.torque(speed))
 
 
-def on_the_ground(stance: Stance, alphas: FloatArray) -> BoolArray:
-    """Return whether the foot is on the ground at crank angles [rad], shape (k,)."""
-    stands: BoolArray = (alphas - stance.start) % stance.period <= stance.end - stance.start
-    return stands
-
-
 def foot_load(
     foot: str, stance: Stance | None, alphas: FloatArray, load: float
 ) -> FootForces | None:
     """Return the ground reaction of a foot in stance, up along y of the leg's plane [N]."""
     if not load or stance is None:
         return None
-    reaction = np.where(on_the_ground(stance, alphas), load, 0.0)
+    reaction = np.where(stance.holds(alphas), load, 0.0)
     # Annotated as one number, but an array is accepted as well.
     return {foot: (0.0, reaction)}  # type: ignore[dict-item]
 

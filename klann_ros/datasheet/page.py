@@ -14,7 +14,7 @@ import numpy as np
 from . import figures
 from .chart import Chart, ChartLine, grid
 from .figures import Figure, FigureTable
-from .load import EDGE_OFFSET, on_the_ground
+from .load import EDGE_OFFSET
 from .sheet import cases, CrankSheet, DataSheet, LegSheet
 
 _STATIC_FILES = Path(__file__).resolve().parent / 'static'
@@ -61,7 +61,7 @@ def _animation(leg: LegSheet, speed: float) -> dict[str, Any]:
     frames = frames[is_solved[frames]]
     stands = np.zeros(is_solved.shape, bool)
     if leg.shown_stance:
-        stands = on_the_ground(leg.shown_stance, leg.alphas)
+        stands = leg.shown_stance.holds(leg.alphas)
     shape = leg_shape(leg.linkage)
     for point in shape['points']:
         point['name'] = printable(point['name'], 12)

@@ -97,8 +97,7 @@ def walker_parameters(leg: RobotLeg, options: Mapping[str, Any]) -> dict[str, An
     structure = linkage.structure
     path = foot_path(LinkageLeg(linkage))
     stance = path.stance()
-    on_ground = (path.alphas - stance.start) % (2.0 * pi) <= stance.end - stance.start
-    stance_x = float(path.h[on_ground, 0].mean())
+    stance_x = float(path.h[stance.holds(path.alphas), 0].mean())
     ground = path.y_range[0]
     points: Any = linkage_poses(linkage, path.alphas, points=True).points
     size = max(path.y_range[1], float(points[..., 1].max())) - ground

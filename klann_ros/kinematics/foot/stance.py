@@ -12,7 +12,7 @@ from math import inf, pi
 from typing import Generic, NamedTuple, TypeVar
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import BoolArray, FloatArray
 from klann_ros.kinematics.errors import KinematicsError
 import numpy as np
 
@@ -121,6 +121,10 @@ class Stance(StanceFigures[float]):
     direction: int
     ground: float
     minimax_deviation: float
+
+    def holds(self, alphas: FloatArray) -> BoolArray:
+        """Return whether the foot is on the ground at crank angles [rad]."""
+        return np.asarray((alphas - self.start) % self.period <= self.end - self.start)
 
     def speed(self, alpha_rate: float) -> float:
         """
