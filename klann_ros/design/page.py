@@ -9,7 +9,6 @@ from typing import Any
 
 from klann_ros.export import ExportError, scene_parts
 from klann_ros.kinematics import foot_path, linkage_poses, LinkageLeg
-from klann_ros.kinematics.angles import TURN
 from klann_ros.robot import robot_from_text
 from klann_ros.sanitize.text import counted, finite
 from klann_ros.web import element, FRAME, leg_shape, Markup, Parts, SHARED
@@ -21,7 +20,7 @@ from .proof import FoundLeg
 from .report import next_commands
 from .requirements import Aim, Requirements
 from .search import SearchResult
-from .titles import aims_text, figure_aims, leg_titles
+from .titles import aims_text, figure_aims
 
 _STATIC = Path(__file__).resolve().parent / 'static'
 _SHARED_STYLES = [SHARED / f'{name}.css' for name in ('drawing', 'tables', 'sortable')]
@@ -51,7 +50,6 @@ def page(search_result: SearchResult, leg_names: Sequence[str]) -> str:
     findings = element('section', element('ul', *items, class_='findings')) if items else Markup()
     if not search_legs:
         return PAGE_PARTS.page(title, header, findings)
-    titles = leg_titles(requirements, search_legs)
     aims = figure_aims(requirements)
     units = requirements.units
     figures = []
@@ -61,7 +59,8 @@ def page(search_result: SearchResult, leg_names: Sequence[str]) -> str:
         unit = {'unit': units.name(kind.unit), 'size': units.size(kind.unit)}
         figures.append({'name': name, 'text': kind.text, **aim, **unit})
     target = requirements.target
-    legs = [*map(partial(_leg_data, requirements), search_legs, leg_names, titles)]
+    leg_data = partial(_leg_data, requirements)
+    legs = [*map(leg_data, search_legs, leg_names, search_result.titles)]
     data = {
         'figures': figures,
         'aimCount': len(requirements.aims),
@@ -101,7 +100,6 @@ def _leg_data(requirements: Requirements, leg: FoundLeg, name: str, title: str) 
     angles = crank_angles(ANIMATION_POSES)
     poses: Any = linkage_poses(leg.linkage, angles, points=True)
     stance = foot_path(LinkageLeg(leg.linkage)).stance()
-    angles_since_stance_start = (angles - stance.start) % TURN
     rounded = [float(f'{metres:.5g}') for metres in poses.points.ravel()]
     return {
         'name': name,
@@ -110,7 +108,7 @@ def _leg_data(requirements: Requirements, leg: FoundLeg, name: str, title: str) 
         'shape': leg_shape(leg.linkage),
         'foot': leg.linkage.foot,
         'points': np.reshape(rounded, poses.points.shape).tolist(),
-        'stands': (angles_since_stance_start <= stance.end - stance.start).tolist(),
+        'stands': stance.holds(angles).tolist(),
         'figures': leg.reached,
         'expected': finite(leg.expected),
         'margins': finite(leg.margins),

@@ -6,7 +6,7 @@ from math import pi
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from klann_ros.datasheet import data_sheet, LegSheet
+from klann_ros.datasheet import data_sheet, DataSheet, LegSheet
 from klann_ros.export import weighed_leg
 from klann_ros.gait import NoWalkerError, walk_figures
 from klann_ros.kinematics import KinematicsError, Linkage, linkage_poses, tolerance_study
@@ -86,14 +86,8 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
         text = leg_text(with_numbers(candidate.space.leg, candidate.linkage))
         (leg,) = robot_from_text(text, 'the leg').legs
         # Without masses the torque is that of the load alone.
-        sheet = data_sheet(
-            Robot('leg', (RobotLeg('', leg.linkage),)),
-            speed=requirements.speed,
-            load=requirements.load,
-            motor=requirements.motor,
-            margins=True,
-            samples=SHEET_SAMPLES,
-        )
+        bare_leg = RobotLeg('', leg.linkage)
+        sheet = _sheet(Robot('leg', (bare_leg,)), requirements, margins=True)
         leg = weighed_leg(leg, requirements.parts)
     except (KinematicsError, TypeError, ValueError) as error:
         raise ProofError(str(error)) from error
@@ -136,6 +130,14 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
         tolerance=requirements.tolerance or DEFAULT_TOLERANCE,
         non_turning_fraction=non_turning_fraction,
         walker=walker,
+    )
+
+
+def _sheet(robot: Robot, requirements: Requirements, *, margins: bool) -> DataSheet:
+    """Return the data sheet at the speed and the load that are required."""
+    speed, load, motor = requirements.speed, requirements.load, requirements.motor
+    return data_sheet(
+        robot, speed=speed, load=load, motor=motor, margins=margins, samples=SHEET_SAMPLES
     )
 
 
@@ -194,13 +196,7 @@ def _walker(
         figures['height_variation'] = walk.height_variation
     if requirements.motor is not None:
         # A motor turns several legs, with their masses.
-        sheet = data_sheet(
-            robot,
-            speed=requirements.speed,
-            load=requirements.load,
-            motor=requirements.motor,
-            samples=SHEET_SAMPLES,
-        )
+        sheet = _sheet(robot, requirements, margins=False)
         motor_margins = [crank.motor.margin for crank in sheet.cranks if crank.motor is not None]
         figures['motor_margin'] = min(motor_margins)
     return parameters, figures

@@ -13,7 +13,7 @@ from .figures import FIGURES
 from .proof import FoundLeg
 from .requirements import Requirements
 from .search import SearchResult
-from .titles import aims_text, figure_aims, leg_titles
+from .titles import aims_text, figure_aims
 
 # Legs in the text; design.json has all.
 MAX_SHOWN = 12
@@ -75,10 +75,9 @@ def _lines(search_result: SearchResult, leg_names: Sequence[str], folder: Path) 
     yield f'{legs} of {state.evaluations} candidates, in {printable(folder)}'
     yield aims_text(requirements)
     names = [*figure_aims(requirements)]
-    titles = leg_titles(requirements, search_result.legs)
     table = [('', *names, 'linkage')]
     shown_legs = search_result.legs[:MAX_SHOWN]
-    for leg, leg_name, title in zip(shown_legs, leg_names, titles, strict=False):
+    for leg, leg_name, title in zip(shown_legs, leg_names, search_result.titles, strict=False):
         figures = [requirements.figure_text(name, leg.reached.get(name)) for name in names]
         linkage = f'{leg.linkage.name}: {title}' if title else leg.linkage.name
         table.append((leg_name, *figures, linkage))
@@ -99,7 +98,6 @@ def _lines(search_result: SearchResult, leg_names: Sequence[str], folder: Path) 
 def report_content(search_result: SearchResult, leg_names: Sequence[str]) -> dict[str, Any]:
     """Return the result for JSON, in SI units."""
     state = search_result.state
-    titles = leg_titles(search_result.requirements, search_result.legs)
     content = {
         'requirements': json.loads(search_result.requirements.text),
         'seed': search_result.seed,
@@ -110,7 +108,7 @@ def report_content(search_result: SearchResult, leg_names: Sequence[str]) -> dic
         'units': {name: kind.unit for name, kind in FIGURES.items()},
         'reasons': list(search_result.reasons),
         'refused': dict(search_result.refused),
-        'legs': list(map(_leg_content, search_result.legs, leg_names, titles)),
+        'legs': list(map(_leg_content, search_result.legs, leg_names, search_result.titles)),
     }
     return dict(finite(content))
 

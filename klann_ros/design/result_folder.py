@@ -26,7 +26,6 @@ from .page import page
 from .proof import check_file, ProofError
 from .report import leg_name, report_content
 from .search import SearchResult, State
-from .titles import leg_titles
 
 STATE, RESULT, PAGE, LOCK = 'search.json', 'design.json', 'index.html', '.klann-search.lock'
 MAX_FILE_SIZE = 100_000_000
@@ -67,8 +66,7 @@ class ResultFolder:
         # A name is free if no file has it, or an old one of the search.
         taken_names = {file.name for file in self._folder.iterdir()} - old_hashes.keys()
         numbers = count()
-        titles = leg_titles(search_result.requirements, search_result.legs)
-        for leg, title in zip(search_result.legs, titles, strict=True):
+        for leg, title in zip(search_result.legs, search_result.titles, strict=True):
             name = leg_name(next(numbers))
             while not taken_names.isdisjoint((f'{name}.yaml', f'{name}_walker.yaml')):
                 name = leg_name(next(numbers))

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 import hashlib
 from itertools import chain
 from time import monotonic
@@ -34,6 +34,7 @@ from .proof import FittedCandidate, FoundLeg, ProofError, prove
 from .refine import leg_figures, refined
 from .requirements import Aim, Limit, LIMIT_MARGIN, Requirements
 from .rounding import rounded
+from .titles import leg_titles
 
 # Islands of a search, whatever the number of processes; and their rounds, after which they
 # exchange their best.
@@ -171,6 +172,11 @@ class SearchResult:
     refined: int = 0
     proven: int = 0
     is_interrupted: bool = False
+
+    @cached_property
+    def titles(self) -> list[str]:
+        """Return the title of each leg, '' for none."""
+        return leg_titles(self.requirements, self.legs)
 
 
 def search(
