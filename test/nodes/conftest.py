@@ -8,8 +8,7 @@ from domain import own_domain
 from klann_ros.nodes.crank.node import CrankNode
 from klann_ros.nodes.process import ProcessNode
 from klann_ros.nodes.recorder.node import RecorderNode
-from klann_ros.nodes.solver.managed_node import ManagedSolverNode
-from klann_ros.nodes.solver.node import SolverNode
+from klann_ros.nodes.solver.node import ManagedSolverNode, SolverNode
 import pytest
 from rclpy.context import Context
 from ros_domain import Domain, open_domain

@@ -14,8 +14,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fork_server import ForkedProcess, PACKAGE, server
 from klann_ros.nodes.parameters import prepare_sets
-from klann_ros.nodes.solver.managed_node import ManagedSolverNode
-from klann_ros.nodes.solver.node import SolverNode
+from klann_ros.nodes.solver.node import ManagedSolverNode, SolverNode
 from patience import PATIENCE
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 import rclpy
