@@ -1,6 +1,6 @@
 """`drive`: moves cranks and walkers by hand, sends messages, triggers services, shows topics."""
 
-import argparse
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Generator, Mapping, Sequence
 from functools import partial
 from inspect import signature
@@ -11,7 +11,7 @@ import sys
 from time import monotonic
 from typing import Any
 
-from klann_ros.cli import ArgumentParser, number_type, print_error, SECONDS
+from klann_ros.cli import ArgumentParser, NOT_READ, number_type, print_error, SECONDS
 from klann_ros.log import definition
 from klann_ros.messages import ANGLE_TYPES, MessageType, parse_definition, TWIST, TWIST_STAMPED
 from klann_ros.nodes import endpoints
@@ -21,6 +21,8 @@ from klann_ros.sanitize import yaml_text
 from klann_ros.sanitize.quantity import read_quantity
 from klann_ros.sanitize.text import listed, printable
 from klann_ros.stop_signals import StopSignals
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.exceptions import NameValidationException
 from rclpy.qos import qos_profile_best_available
 from std_srvs.srv import Trigger
 
@@ -42,12 +44,14 @@ examples:
   drive call walker_node/reset_fault       a service without arguments
 in a namespace: drive list --ros-args -r __ns:=/left"""
 Steps = Generator[None, None, Any]
+# Errors of an argument; all others are those of the nodes that run.
+_REFUSALS = (ArgumentTypeError, NameValidationException, yaml_text.YamlError)
 
 
 class DriveNode(ProcessNode):
     """Take the steps of a command one by one; their `finally` stops what they have moved."""
 
-    def __init__(self, options: argparse.Namespace, finish: Finish, **node_options: Any) -> None:
+    def __init__(self, options: Namespace, finish: Finish, **node_options: Any) -> None:
         """Begin."""
         super().__init__(f'drive_{os.getpid()}', enable_rosout=False, **node_options)
         self.options = options
@@ -70,38 +74,40 @@ class DriveNode(ProcessNode):
             self._finish()
         except Exception as error:
             print_error('drive', ros_error(error))
-            self._finish(1)
+            self._finish(NOT_READ if isinstance(error, _REFUSALS) else 1)
 
 
 def _pause(duration: float) -> Steps:
-    end = monotonic() + duration
-    while monotonic() < end:
+    end_time = monotonic() + duration
+    while monotonic() < end_time:
         yield
 
 
 def _await(condition: Callable[[], Any], problem: str) -> Steps:
     """Wait until a condition holds; raise a ValueError with the problem after TIMEOUT."""
-    end = monotonic() + TIMEOUT
+    end_time = monotonic() + TIMEOUT
     while not condition():
-        if monotonic() > end:
+        if monotonic() > end_time:
             raise ValueError(f'{problem}; drive list shows what this ROS_DOMAIN_ID has')
         yield
 
 
 def _find(node: DriveNode, topic: str, role: str) -> Steps:
     """Wait for 'publishers' or 'subscriptions'; return their full topic, class and fields."""
-    topic = node.resolve_topic_name(topic)
+    try:
+        topic = node.resolve_topic_name(topic)
+    except RCLError as error:
+        raise ArgumentTypeError(ros_error(error)) from error
     find = getattr(node, f'get_{role}_info_by_topic')
     yield from _await(partial(find, topic), f'{topic} has no {role}')
     yield from _pause(DISCOVERY_TIME)
-    names = sorted({end.topic_type for end in find(topic)})
-    if len(names) != 1:
-        raise ValueError(f'{topic} has several types: {listed(names)}')
-    kind = endpoints.message_class(names[0])
-    name = names[0].replace('/msg/', '/')
-    definitions = dict(parse_definition(definition(names[0]), 'ros2msg'))
-    definitions[name] = definitions.pop('', [])
-    return topic, kind, MessageType(name, definitions)
+    type_names = sorted({endpoint.topic_type for endpoint in find(topic)})
+    if len(type_names) != 1:
+        raise ValueError(f'{topic} has several types: {listed(type_names)}')
+    (type_name,) = type_names
+    kind = endpoints.message_class(type_name)
+    definitions = parse_definition(definition(type_name), 'ros2msg')
+    return topic, kind, MessageType(type_name.replace('/msg/', '/'), definitions)
 
 
 def _send(node: DriveNode, topic: str, contents: Mapping[str, Any]) -> Steps:
@@ -114,12 +120,12 @@ def _send(node: DriveNode, topic: str, contents: Mapping[str, Any]) -> Steps:
     moves = standstill(topic, kind, message()) is not None
     publisher = endpoints.create_publisher(node, kind, topic)
     yield from _pause(DISCOVERY_TIME)
-    end = monotonic() + (node.options.duration or DURATION * moves)
+    end_time = monotonic() + (node.options.duration or DURATION * moves)
     is_sent = False
     try:
-        while not is_sent or monotonic() < end:
-            if others := endpoints.other_publishers(node, topic) - {''}:
-                raise ValueError(f'{listed(others, 3)} publishes {topic}: end it first')
+        while not is_sent or monotonic() < end_time:
+            if rivals := endpoints.other_publishers(node, topic) - {''}:
+                raise ValueError(f'{listed(rivals, 3)} publishes {topic}: end it first')
             publisher.publish(message())
             is_sent = True
             yield
@@ -132,17 +138,19 @@ def _send(node: DriveNode, topic: str, contents: Mapping[str, Any]) -> Steps:
 def _message(node: DriveNode, message_type: MessageType, fields: Any) -> bytes:
     """Return a message of the present time."""
     if not isinstance(fields, dict):
-        raise TypeError("fields are needed, such as '{data: 1}'")
+        raise ArgumentTypeError("fields are needed, such as '{data: 1}'")
     paths = [field.path for field in message_type.fields]
     for path in fields.keys() - {*paths}:
-        raise ValueError(f'there is no field {printable(path)}; there are {listed(paths)}')
+        text = f'there is no field {printable(path)}; there are {listed(paths)}'
+        raise ArgumentTypeError(text)
     if 'header.stamp.sec' in paths:
         stamp = node.get_clock().now().seconds_nanoseconds()
         fields |= dict(zip(('header.stamp.sec', 'header.stamp.nanosec'), stamp, strict=True))
     try:
         return message_type.write(fields)
     except (struct.error, AttributeError, TypeError) as error:
-        raise ValueError(f'this is no {message_type.name}: {error}') from error
+        text = f'this is no {message_type.name}: {error}'
+        raise ArgumentTypeError(text) from error
 
 
 def _crank(node: DriveNode, *quantities: str) -> Steps:
@@ -153,7 +161,8 @@ def _crank(node: DriveNode, *quantities: str) -> Steps:
         if all(number is not None and isfinite(number) for number in numbers):
             state[field] = numbers
     if len(state) != 2:
-        raise ValueError('all are angles or all are rates, with a unit: 60deg, or left=0.5rad/s')
+        text = 'all are angles or all are rates, with a unit: 60deg, or left=0.5rad/s'
+        raise ArgumentTypeError(text)
     if 'velocity' in state:
         yield from _send(node, 'crank_command', {JOINT_STATE: state})
     elif any(names):
@@ -198,7 +207,7 @@ def _echo(node: DriveNode, topic: str) -> Steps:
 def _print(content: Mapping[str, Any], field: str | None) -> None:
     """Print a message, or a field: a text for a file, such as leg_description, as it is."""
     if field and field not in content:
-        raise ValueError(f'the fields are {listed(content)}')
+        raise ArgumentTypeError(f'the fields are {listed(content)}')
     for path in [field] if field else content:
         text = str([*content[path]] if isinstance(content[path], tuple) else content[path])
         if not field or sys.stdout.isatty():
@@ -211,9 +220,9 @@ def _list(node: DriveNode, text: str = '') -> Steps:
     for topic, types in node.get_topic_names_and_types():
         if text in topic:
             print(f'{topic}  {listed(types)}')
-            for verb in ('publishers', 'subscriptions'):
-                ends = getattr(node, f'get_{verb}_info_by_topic')(topic)
-                print(f'    {verb}: {listed(sorted({*map(endpoints.node_of, ends)}))}')
+            for role in ('publishers', 'subscriptions'):
+                infos = getattr(node, f'get_{role}_info_by_topic')(topic)
+                print(f'    {role}: {listed(sorted({*map(endpoints.node_of, infos)}))}')
 
 
 def _call(node: DriveNode, service: str) -> Steps:
@@ -229,7 +238,7 @@ COMMANDS: dict[str, Callable[..., Steps]] = {'list': _list, 'echo': _echo, 'hz':
 COMMANDS |= {'crank': _crank, 'walk': _walk, 'pub': _pub, 'call': _call}
 
 
-def read_options(argv: Sequence[str]) -> argparse.Namespace:
+def read_options(argv: Sequence[str]) -> Namespace:
     """Return the options; exits with a line for those that are refused."""
     parser = ArgumentParser(
         'drive',

@@ -138,9 +138,12 @@ def test_what_it_cannot_do_is_one_line(ros: Domain) -> None:
     probe.add_node('other').create_publisher(Float64, 'driven', 10)
     probe.node.create_publisher(String, 'latched', LATCHED).publish(String())
     table = read_table(Path(__file__).with_name('refused.yaml'))
-    drives = [ros.start('drive', *arguments) for arguments, _ in table]
-    assert {*ended(ros, *drives)} == {1}
-    assert [drive.errors for drive in drives] == [f'drive: {line}\n' for _, line in table]
+    drives = [ros.start('drive', *arguments) for arguments, *_ in table]
+    codes = ended(ros, *drives)
+    errors = [drive.errors for drive in drives]
+    assert [*zip(codes, errors, strict=True)] == [
+        (code, f'drive: {line}\n') for _, code, line in table
+    ]
 
 
 def test_negative_quantities_are_no_options() -> None:
