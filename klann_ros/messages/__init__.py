@@ -51,6 +51,6 @@ if TYPE_CHECKING:
         TWIST,
         TWIST_STAMPED,
     )
-    from .message_type import Layout, MessageType, parse_definition, Template
+    from .message_type import Layout, MessageType, NumberPlaces, parse_definition, Template
 else:
     __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from klann_ros.sanitize.text import printable
 
-from .cdr import HEADER_SIZE, ORDERS, STAMP_SIZE
+from .cdr import HEADER_SIZE, ORDERS
 from .known_types import FLOAT32, FLOAT64, INT32, JOINT_STATE, POINT, TWIST_STAMPED
-from .message_type import Template
+from .message_type import NumberPlaces, Template
 
 # Names in the refusal of a message without the joint, and their length [characters].
 _MAX_NAMES = 5
@@ -51,83 +51,55 @@ class JointsReader:
     """Read joints of successive sensor_msgs/JointState messages."""
 
     def __init__(self, joints: Iterable[str]) -> None:
-        self._places: dict[str, _JointPlace | None] = dict.fromkeys(joints)
+        self._joints = tuple(joints)
+        self._places: _JointPlaces | None = None
 
     def read(self, data: bytes) -> dict[str, JointReading]:
         """Return the joints that are in a message; a ValueError without any, or if malformed."""
+        # Most messages differ from the last one in their numbers only.
+        if self._places is None or not self._places.numbers.fits(data):
+            self._places = _find_joints(data, self._joints)
+        places, joints, has_velocities, has_efforts = self._places
+        sec, nanosec, *numbers = places.read(data)
         readings = {}
-        refusal = ValueError()
-        for joint, last_place in self._places.items():
-            place = last_place
-            # Most messages differ from the last one in their numbers only.
-            if place is None or not place.fits(data):
-                try:
-                    place = self._places[joint] = _find_joint(data, joint)
-                except ValueError as error:
-                    refusal = error
-                    continue
-            readings[joint] = place.read(data)
-        if not readings:
-            raise refusal
+        for index, joint in enumerate(joints):
+            velocity = numbers[index + len(joints)] if has_velocities else None
+            effort = numbers[index - len(joints)] if has_efforts else None
+            readings[joint] = JointReading(numbers[index], velocity, sec, nanosec, effort)
         return readings
 
 
-class _JointPlace(NamedTuple):
-    """The place of a joint's numbers in a JointState, and the bytes that identify its layout."""
+class _JointPlaces(NamedTuple):
+    """The stamp and the joints in a JointState: positions, and velocities and efforts if any."""
 
-    size: int
-    # All but stamp, positions, velocities and efforts, with their offsets.
-    constants: tuple[bytes, ...]
-    offsets: tuple[int, ...]
-    numbers: struct.Struct
-    has_velocity: bool
-    has_effort: bool
-
-    def fits(self, data: bytes) -> bool:
-        return len(data) == self.size and all(map(data.startswith, self.constants, self.offsets))
-
-    def read(self, data: bytes) -> JointReading:
-        sec, nanosec, position, *optional = self.numbers.unpack_from(data)
-        velocity = optional[0] if self.has_velocity else None
-        effort = optional[-1] if self.has_effort else None
-        return JointReading(position, velocity, sec, nanosec, effort)
+    numbers: NumberPlaces
+    joints: list[str]
+    has_velocities: bool
+    has_efforts: bool
 
 
-def _find_joint(data: bytes, joint: str) -> _JointPlace:
-    """Return the place of a joint in messages that are like this one."""
+def _find_joints(data: bytes, joints: Sequence[str]) -> _JointPlaces:
+    """Return the places of those joints that are in a message."""
     try:
         layout = JOINT_STATE.layout(data)
     except ValueError as error:
         raise ValueError(f'{len(data)} bytes are no {JOINT_STATE.name}') from error
     names = layout.texts['name']
-    spans = [layout.span(path) for path in ('position', 'velocity', 'effort')]
-    if len(names) != spans[0].length:
-        raise ValueError(
-            f'{len(names)} names and {spans[0].length} positions: there must be as many of each'
-        )
-    if joint.encode() not in names:
-        name = printable(joint, _MAX_NAME_LENGTH)
+    counts = {path: layout.span(path).length for path in ('position', 'velocity', 'effort')}
+    if len(names) != counts['position']:
+        text = f'{len(names)} names and {counts["position"]} positions'
+        raise ValueError(f'{text}: there must be as many of each')
+    indices = sorted((names.index(j.encode()), j) for j in joints if j.encode() in names)
+    if not indices:
+        name = printable(joints[-1], _MAX_NAME_LENGTH)
         raise ValueError(f'there is no joint {name} among its {len(names)} ({_listed(names)})')
-    index = names.index(joint.encode())
-    numbers = f'{layout.order}{HEADER_SIZE}xiI'
-    stamp_end = HEADER_SIZE + STAMP_SIZE
-    last_end = stamp_end
-    for span in spans:
-        if span.length == len(names):
-            begin = span.begin + 8 * index
-            numbers += f'{begin - last_end}xd'
-            last_end = begin + 8
-    # All but stamp, positions, velocities and efforts is constant.
-    offsets = (0, stamp_end, spans[0].end, spans[1].end)
-    ends = (2, *(span.begin for span in spans))
-    return _JointPlace(
-        len(data),
-        tuple(data[begin:end] for begin, end in zip(offsets, ends, strict=True)),
-        offsets,
-        struct.Struct(numbers),
-        has_velocity=spans[1].length == len(names),
-        has_effort=spans[2].length == len(names),
-    )
+    paths = ['header.stamp.sec', 'header.stamp.nanosec']
+    complete = [path for path, count in counts.items() if count == len(names)]
+    for path in complete:
+        paths += [f'{path}[{index}]' for index, _ in indices]
+    present_joints = [joint for _, joint in indices]
+    places = NumberPlaces(layout, paths)
+    return _JointPlaces(places, present_joints, 'velocity' in complete, 'effort' in complete)
 
 
 def _listed(names: Sequence[bytes]) -> str:
@@ -144,7 +116,7 @@ class JointStateTemplate:
         content = {'header.frame_id': frame_id, 'name': names, 'position': zeros}
         self._still = Template(JOINT_STATE, content, ['position'])
         moving = {**content, 'velocity': zeros}
-        self._moving = _MovingTemplate(JOINT_STATE, moving, ['position', 'velocity'])
+        self._moving = Template(JOINT_STATE, moving, ['position', 'velocity'])
         # Offset of the first position [bytes].
         self.first_number = self._still.first_number
 
@@ -152,19 +124,11 @@ class JointStateTemplate:
         self, sec: int, nanosec: int, positions: Sequence[float], velocities: Sequence[float] = ()
     ) -> bytes:
         """Return the message; there are as many velocities as names, or none."""
-        if velocities:
-            return self._moving.fill_both(sec, nanosec, positions, velocities)
-        return self._still.fill(sec, nanosec, *positions)
-
-
-class _MovingTemplate(Template):
-    """A JointState with velocities, whose number stands before them."""
-
-    def fill_both(
-        self, sec: int, nanosec: int, positions: Sequence[float], velocities: Sequence[float]
-    ) -> bytes:
-        (count,) = self._constants
-        return self._pack(self._head, sec, nanosec, self._texts, *positions, count, *velocities)
+        if not velocities:
+            return self._still.fill(sec, nanosec, *positions)
+        # The number of velocities stands before them.
+        (count,) = self._moving.constants
+        return self._moving.fill(sec, nanosec, *positions, count, *velocities)
 
 
 def point_template(frame_id: str) -> Template:

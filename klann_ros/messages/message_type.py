@@ -13,7 +13,7 @@ import re
 import struct
 from typing import Any, NamedTuple
 
-from .cdr import CdrCursor, CdrWriter, STAMP_SIZE
+from .cdr import CdrCursor, CdrWriter, HEADER_SIZE, STAMP_SIZE
 
 # ROS's primitive types, their code in struct's notation, and their names in IDL.
 CODES = {
@@ -126,27 +126,25 @@ def _short_name(type_name: str) -> str:
     return type_name.replace('/msg/', '/')
 
 
-def expand_fields(type_name: str, definitions: Definitions, known: Definitions) -> Iterator[Field]:
-    """
-    Yield the fields of a type; its submessages' definitions are among the others, or known.
-
-    A ValueError refuses a type that is undefined, or has too many fields.
-    """
-    expansion = _Expansion({**known, **definitions})
-    yield from expansion.fields('' if '' in definitions else type_name, type_name, '', 0)
-
-
 class _Expansion:
-    """Expands the fields of one type, at bounded cost."""
+    """
+    Expands the fields of one type, at bounded cost.
 
-    def __init__(self, definitions: Definitions) -> None:
-        self._definitions = definitions
+    The type itself may be called ''. A ValueError refuses one that uses an undefined type, or has
+    too many fields.
+    """
+
+    def __init__(self, type_name: str, definitions: Definitions) -> None:
+        self._definitions = {type_name: [], **definitions}
+        if '' in definitions:
+            self._definitions[type_name] = definitions['']
         self._count = 0
+        self.fields = tuple(self._expand(type_name, '', 0))
 
-    def fields(self, key: str, type_name: str, prefix: str, depth: int) -> Iterator[Field]:
+    def _expand(self, type_name: str, prefix: str, depth: int) -> Iterator[Field]:
         """Yield the fields of a type with the fields of its inner types, their paths prefixed."""
         package = type_name.partition('/')[0]
-        for field_type, name in self._definitions[key]:
+        for field_type, name in self._definitions[type_name]:
             self._count += 1
             if self._count > _MAX_FIELDS or depth > _MAX_DEPTH:
                 raise ValueError(f'{type_name} has too many fields')
@@ -161,9 +159,9 @@ class _Expansion:
                 continue
             inner = self._resolve(base, package)
             if count == 1 and not bracket:
-                yield from self.fields(inner, inner, f'{path}.', depth + 1)
+                yield from self._expand(inner, f'{path}.', depth + 1)
             else:
-                members = tuple(self.fields(inner, inner, '', depth + 1))
+                members = tuple(self._expand(inner, '', depth + 1))
                 yield Field(path, inner, count, members)
 
     def _resolve(self, name: str, package: str) -> str:
@@ -235,13 +233,13 @@ class Layout:
 class MessageType:
     """A message type with its fields, which recognises, reads and writes its messages."""
 
-    def __init__(self, name: str, known: Definitions) -> None:
+    def __init__(self, name: str, definitions: Definitions) -> None:
         # As topics name it: `std_msgs/msg/Float64`.
         self.name = name.replace('/', '/msg/')
-        self.fields = tuple(expand_fields(name, {}, known))
+        self.fields = _Expansion(name, definitions).fields
         # Whether a message begins with its stamp.
         self.is_stamped = [field.kind for field in self.fields[:2]] == ['i', 'I']
-        self._known = known
+        self._definitions = definitions
         self._short_name = name
         self._is_defined = lru_cache(maxsize=16)(self._has_fields)
 
@@ -257,8 +255,8 @@ class MessageType:
 
     def _has_fields(self, definition: str, encoding: str) -> bool:
         try:
-            definitions = parse_definition(definition, encoding)
-            return tuple(expand_fields(self._short_name, definitions, self._known)) == self.fields
+            definitions = {**self._definitions, **parse_definition(definition, encoding)}
+            return _Expansion(self._short_name, definitions).fields == self.fields
         except ValueError:
             return False
 
@@ -315,6 +313,40 @@ def _write_fields(writer: CdrWriter, fields: Sequence[Field], content: Mapping[s
             writer.numbers(field.kind, elements or [0] * (field.length or 0))
 
 
+class NumberPlaces:
+    """
+    The places of some numbers in a message, and in all that differ in their numbers only.
+
+    `paths` are those of the numbers, in the message's order; an element of an array is
+    `path[index]`.
+    """
+
+    def __init__(self, layout: Layout, paths: Iterable[str]) -> None:
+        code = layout.order
+        end = 0
+        for path in paths:
+            span = _span_of(layout, path)
+            code += f'{span.begin - end}x{span.length}{span.code}'
+            end = span.end
+        # Returns the numbers in a message that fits.
+        self.read = struct.Struct(code).unpack_from
+        self._size = len(layout.data)
+        # All bytes but the numbers, with their offsets.
+        self._constants = [layout.data[:2]]
+        self._offsets = [0]
+        end = HEADER_SIZE
+        for span in layout.spans.values():
+            if span.begin > end:
+                self._constants.append(layout.data[slice(end, span.begin)])
+                self._offsets.append(end)
+            end = span.end
+
+    def fits(self, data: bytes) -> bool:
+        """Return whether a message has its numbers in these places."""
+        is_like = map(data.startswith, self._constants, self._offsets)
+        return len(data) == self._size and all(is_like)
+
+
 class Template:
     """
     A message of which only the stamp and some numbers change.
@@ -323,8 +355,8 @@ class Template:
     published message. Only the padding between fields differs: a typed publish leaves any bytes
     there, a template zeros.
 
-    `numbers` are the paths of the numbers that change, in the message's order; an element of an
-    array is `path[index]`. The rest has the values of `content`.
+    `numbers` are the paths of the numbers that change, as for `NumberPlaces`. The rest has the
+    values of `content`.
     """
 
     def __init__(
@@ -339,7 +371,7 @@ class Template:
         # The constant parts: before the stamp, up to the first number, and others that are not 0.
         self._head = message[:stamp]
         self._texts = message[slice(stamp + STAMP_SIZE, self.first_number)]
-        self._constants: list[bytes] = []
+        self.constants: list[bytes] = []
         code = f'<{stamp}siI{len(self._texts)}s'
         ends = [self.first_number, *(span.end for span in spans)]
         for span, end in zip(spans, ends, strict=False):
@@ -352,11 +384,11 @@ class Template:
         """Return the code of a part in struct's notation."""
         if not constant.strip(b'\0'):
             return f'{len(constant)}x'
-        self._constants.append(constant)
+        self.constants.append(constant)
         return f'{len(constant)}s'
 
-    def fill(self, sec: int, nanosec: int, *numbers: float) -> bytes:
-        """Return the message."""
+    def fill(self, sec: int, nanosec: int, *numbers: float | bytes) -> bytes:
+        """Return the message; `constants` stand between the numbers, where there are any."""
         return self._pack(self._head, sec, nanosec, self._texts, *numbers)
 
 

@@ -9,7 +9,7 @@ from importlib import import_module
 import inspect
 from itertools import islice, pairwise
 import sys
-from types import SimpleNamespace
+from types import FrameType, SimpleNamespace
 from typing import Any, Protocol
 
 from klann_ros.sanitize import yaml_text
@@ -21,7 +21,6 @@ import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.impl import rcutils_logger
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -48,6 +47,11 @@ MAX_LINES = 10
 _MAX_NAMES = 5
 # A longer file is not checked [bytes]; one of six legs has 3000.
 _MAX_FILE_SIZE = 50_000
+# The modules of the nodes' parameters, such as PLAYER_PARAMETERS.
+_DECLARATIONS = (
+    *('player.controls', 'recorder.interface', 'walker.declarations', 'sim.declarations'),
+    *('watchdog.node', 'commission.node', 'crank.motion', 'solver.declarations'),
+)
 
 
 class Finish(Protocol):
@@ -177,7 +181,11 @@ def _close(node: Node, code: int, stop: StopSignals) -> int:
 
 
 def _shorten_start() -> None:
-    """Omit work of rclpy that no node needs, and that takes as long as the imports of a node."""
+    """
+    Omit work of rclpy that no node needs, and that takes as long as the imports of a node.
+
+    Where rclpy's modules are not as expected, they are left as they are.
+    """
     # Messages need one function of this package, which also loads the generator of their code,
     # with its parser and its template engine, if it can.
     generator = 'rosidl_generator_py.generate_py_impl'
@@ -187,9 +195,14 @@ def _shorten_start() -> None:
             import_module('rosidl_generator_py')
         del sys.modules[generator]
     # The first line of a log would read the sources of all modules, for the lines around its call.
-    rcutils_logger.inspect = SimpleNamespace(
-        currentframe=inspect.currentframe, getframeinfo=partial(inspect.getframeinfo, context=0)
-    )
+    logger_module = sys.modules.get('rclpy.impl.rcutils_logger')
+    if getattr(logger_module, 'inspect', None) is inspect:
+        names = {**vars(inspect), 'getframeinfo': _frame_without_source}
+        logger_module.inspect = SimpleNamespace(**names)  # type: ignore[union-attr]
+
+
+def _frame_without_source(frame: FrameType, context: int = 0) -> inspect.Traceback:
+    return inspect.getframeinfo(frame, context)
 
 
 def _init_ros(ros_arguments: Sequence[str]) -> None:
@@ -342,40 +355,19 @@ class _PackageParameters:
     def __init__(self) -> None:
         from klann_ros.robot import OF_CRANK  # noqa: PLC0415
 
-        from . import leg_declarations as leg  # noqa: PLC0415
-        from .commission import declarations as commission  # noqa: PLC0415
-        from .crank import motion as crank  # noqa: PLC0415
-        from .player import controls as player  # noqa: PLC0415
-        from .recorder import interface as recorder  # noqa: PLC0415
-        from .sim import declarations as sim  # noqa: PLC0415
-        from .solver import declarations as solver  # noqa: PLC0415
-        from .walker import declarations as walker  # noqa: PLC0415
-        from .watchdog import declarations as watchdog  # noqa: PLC0415
+        from .leg_declarations import FOR_OTHERS, OF_LEG  # noqa: PLC0415
+        from .recorder.interface import TOPICS  # noqa: PLC0415
 
-        parameters = {
-            'player_node': player.declarations(1.0, 0.0, 0.0),
-            'recorder_node': recorder.RECORDER_PARAMETERS,
-            'walker_node': walker.WALKER_PARAMETERS,
-            'sim_node': sim.SIM_PARAMETERS,
-            'watchdog_node': watchdog.WATCHDOG_PARAMETERS,
-            'commission_node': commission.COMMISSION_PARAMETERS,
-            'crank_node': (*crank.MOTION, *crank.CRANK_PARAMETERS),
-            'solver_node': (
-                *leg.GEOMETRY,
-                *leg.LEGS,
-                *solver.SETTINGS,
-                *leg.drive(),
-                *solver.INPUTS,
-                *solver.PUBLISHED,
-            ),
-        }
         # The node of each parameter.
         self.owners: dict[str, str] = {}
-        for node, declarations in parameters.items():
-            self.owners.update((declared.name, node) for declared in declarations)
-        self._of_legs = leg.OF_LEG
-        self._for_others = {*leg.FOR_OTHERS, *OF_CRANK}
-        self._topics = {topic.rpartition('/')[2] for topic in recorder.TOPICS}
+        for module_name in _DECLARATIONS:
+            folder = module_name.partition('.')[0]
+            module = import_module(f'{__package__}.{module_name}')
+            for declaration in getattr(module, f'{folder.upper()}_PARAMETERS'):
+                self.owners[declaration.name] = f'{folder}_node'
+        self._of_legs = OF_LEG
+        self._for_others = {*FOR_OTHERS, *OF_CRANK}
+        self._topics = {topic.rpartition('/')[2] for topic in TOPICS}
 
     def may_share(self, name: str, declared_names: Collection[str]) -> bool:
         """Return whether a file may hold a name for another node than one with these names."""

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 from klann_ros.export.command import main
 from klann_ros.export.ros2_control import controllers, cranks_urdf
-from klann_ros.nodes.watchdog.declarations import WATCHDOG_PARAMETERS
+from klann_ros.nodes.watchdog.node import WATCHDOG_PARAMETERS
 from klann_ros.robot import robot_of
 from klann_ros.twin import Twin
 from launch_api import NAMES

@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from math import degrees
 from pathlib import Path
@@ -11,16 +12,16 @@ from typing import Any
 from klann_ros.cli import ArgumentParser, Output, OutputError
 from klann_ros.gait import Feet, NoWalkerError
 from klann_ros.messages import JointReading
-from klann_ros.nodes.crank_output import CrankOutput
+from klann_ros.nodes.clocks import ControlClock
+from klann_ros.nodes.crank_output import COMMAND_TYPE, CrankOutput
 from klann_ros.nodes.encoders import subscribe_cranks
 from klann_ros.nodes.endpoints import create_steady_timer, other_publishers, QOS_USAGE, TypeCheck
 from klann_ros.nodes.keyboard import Keyboard
-from klann_ros.nodes.leg_declarations import ENCODER_REMEDIES
-from klann_ros.nodes.parameters import declare, require, StartError, usage
+from klann_ros.nodes.leg_declarations import ENCODER_REMEDIES, ENCODERS
+from klann_ros.nodes.parameters import declare, number, require, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, parameter_files, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info
 from klann_ros.nodes.robot_parameters import declared_robot
-from klann_ros.nodes.walker.timing import ControlClock
 from klann_ros.robot import CrankDrive, Robot
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.sanitize.yaml_text import parameter_file
@@ -30,8 +31,21 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Bool
 
-from .declarations import COMMISSION_PARAMETERS
-
+_SETTINGS = CommissioningSettings()
+COMMISSION_PARAMETERS = (
+    *ENCODERS,
+    number('angle', round(_SETTINGS.angle, 4), 'each crank turns so far [rad]', 0.02, 0.6),
+    number('rate', _SETTINGS.rate, 'so fast [rad/s]', 0.02, 1.0),
+    number(
+        'max_angle',
+        round(_SETTINGS.max_angle, 4),
+        'a turn ends where an encoder turns by more [rad]',
+        0.02,
+        1000.0,
+    ),
+    number('feedback_timeout', _SETTINGS.timeout, 'or is silent for longer [s]', 0.05, 5.0),
+    replace(COMMAND_TYPE, description='type of crank_command, as of walker_node'),
+)
 # Period of the commands [s].
 PERIOD = 0.01
 # Time in which other nodes are discovered before a crank turns [s].

@@ -121,17 +121,19 @@ _DEFAULT = CrankMotion()
 OUTPUTS = ('crank_angle', 'crank_state', 'crank_command')
 MOTION = (
     Declaration('mode', _DEFAULT.mode, 'how the crank moves', choices=MODES),
-    *(
-        Declaration(name, getattr(_DEFAULT, name), text, constraint=constraint)
-        for name, text, constraint in (
-            ('speed', 'rate of constant and sweep [rad/s]', 'finite'),
-            ('start', 'crank angle at the start [rad]', 'finite'),
-            ('amplitude', 'size of sine, sweep and step [rad]', 'finite'),
-            ('frequency', 'of sine and step [Hz]', 'finite, > 0'),
-        )
+    Declaration(
+        'speed', _DEFAULT.speed, 'rate of constant and sweep [rad/s]', constraint='finite'
+    ),
+    Declaration('start', _DEFAULT.start, 'crank angle at the start [rad]', constraint='finite'),
+    Declaration(
+        'amplitude', _DEFAULT.amplitude, 'size of sine, sweep and step [rad]', constraint='finite'
+    ),
+    Declaration(
+        'frequency', _DEFAULT.frequency, 'of sine and step [Hz]', constraint='finite, > 0'
     ),
 )
 CRANK_PARAMETERS = (
+    *MOTION,
     Declaration('rate', 100.0, 'messages a second [Hz]', limits=(1e-3, 1e4)),
     Declaration('revolutions', 0.0, 'turns, or periods, until the node ends; 0: endless'),
     Declaration('output', 'crank_angle', 'the topic to publish', choices=OUTPUTS),

@@ -80,7 +80,7 @@ class CrankNode(ProcessNode):
         """Declare and validate the parameters; a StartError names a refused one."""
         super().__init__('crank_node', **options)
         self._finish = finish
-        parameters = declare(self, [*MOTION, *CRANK_PARAMETERS])
+        parameters = declare(self, CRANK_PARAMETERS)
         try:
             motion = CrankMotion(**{p.name: parameters[p.name] for p in MOTION})
         except CrankMotionError as error:
@@ -139,9 +139,9 @@ class CrankNode(ProcessNode):
             self._begin = now + DISCOVERY_TIME
         if now >= self._begin:
             self._start_timer.cancel()
-            others = endpoints.other_publishers(self, self._output.publisher.topic_name)
-            if self._output.is_command and others:
-                self.get_logger().error(f'{listed(others)} publishes crank_command: end it first')
+            rivals = endpoints.other_publishers(self, self._output.publisher.topic_name)
+            if self._output.is_command and rivals:
+                self.get_logger().error(f'{listed(rivals)} publishes crank_command: end it first')
                 self._finish(1)
                 return
             self._begin = now
@@ -192,7 +192,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         'crank_node',
         'Drive the crank: publish its angle on crank_angle, or angle and rate on crank_state, '
         'or crank_command, which ends with a rate of 0.',
-        f'{usage({"": [*MOTION, *CRANK_PARAMETERS]})}\n{QOS_USAGE}',
+        f'{usage({"": CRANK_PARAMETERS})}\n{QOS_USAGE}',
     )
     arguments(parser, argv)
     return run('crank_node', CrankNode, argv, stop)

@@ -103,6 +103,9 @@ def declarations(rate: float, position: float, length: float) -> tuple[Declarati
     )
 
 
+PLAYER_PARAMETERS = declarations(1.0, 0.0, 0.0)
+
+
 class PlayerControls:
     """Services, declared parameters and keys of a node that control a transport."""
 

@@ -6,11 +6,11 @@ from contextlib import suppress
 from fnmatch import fnmatchcase
 from functools import partial
 from threading import Event, Thread
-import time
 from time import monotonic, time_ns
 
 from klann_ros.log import Message, Pause, Recording
 from klann_ros.log.errors import LogError
+from klann_ros.nodes.clocks import steady_time
 from klann_ros.nodes.endpoints import name_refusal, UnknownMessageTypeError
 from klann_ros.nodes.process import ros_error, ROS_ERRORS
 from klann_ros.nodes.raw_executor import RawCallbackGroup
@@ -31,8 +31,6 @@ _SETTLING_TIME = 1.0
 MAX_DELAY = 0.9
 # NTP adjusts a clock by less in a period; a larger step is a clock that was set [s].
 MAX_CLOCK_STEP = 0.05
-# The clock that also runs while the machine is suspended, if the system has it.
-_STEADY_CLOCK = getattr(time, 'CLOCK_BOOTTIME', time.CLOCK_MONOTONIC)
 # Limit of warnings, as untrusted topics could fill the disk with them.
 _MAX_WARNINGS = 500
 # Errors of one topic or publisher; the others are recorded.
@@ -43,77 +41,33 @@ class Heartbeat:
     """Detects stalls of this process and steps of its clock between calls of `beat`."""
 
     def __init__(self) -> None:
+        # Those that the node has not processed yet.
+        self.stalls = deque[Pause]()
         # Times of the last beat: steady [s], and of the log [ns since the epoch].
-        self._steady_time = time.clock_gettime(_STEADY_CLOCK)
+        self._steady_time = steady_time()
         self._log_time = time_ns()
 
     @property
     def is_late(self) -> bool:
         """Return whether the next call is overdue."""
-        passed = time.clock_gettime(_STEADY_CLOCK) - self._steady_time
-        return passed > _DISCOVERY_PERIOD + MAX_DELAY
+        return steady_time() - self._steady_time > _DISCOVERY_PERIOD + MAX_DELAY
 
     def beat(self) -> Pause | None:
         """Return the time since the last call if the process stalled, or its clock was set."""
         begin = self._log_time
-        steady_time = time.clock_gettime(_STEADY_CLOCK)
+        last_beat = self._steady_time
+        self._steady_time = steady_time()
         self._log_time = time_ns()
-        passed = steady_time - self._steady_time
+        passed = self._steady_time - last_beat
         clock_step = (self._log_time - begin) / 1e9 - passed
-        self._steady_time = steady_time
         if passed > _DISCOVERY_PERIOD + MAX_DELAY:
             reason = f'the recorder stalled for {passed:.1f} s (stopped, or suspended)'
         elif clock_step > MAX_CLOCK_STEP:
             reason = f'the clock was set forward by {clock_step:.2f} s'
         else:
             return None
-        return Pause(begin, self._log_time, {}, reason)
-
-
-class _GraphThread:
-    """
-    The thread that looks for new topics and publishers, and for stalls of this process.
-
-    `query` returns the graph, and `is_due` whether the node has work without a change of it; its
-    argument is whether a period of requests has passed. `wake` wakes the node's loop: a timer
-    in it would rebuild the executor's wait set each time, at fifty times the cost.
-    """
-
-    def __init__(
-        self,
-        query: Callable[[], object],
-        is_due: Callable[[bool], bool],
-        wake: Callable[[], object],
-    ) -> None:
-        # The stalls that the node has not processed yet.
-        self.stalls = deque[Pause]()
-        self.heartbeat = Heartbeat()
-        self._query = query
-        self._is_due = is_due
-        self._wake = wake
-        self._stopped = Event()
-        self._thread = Thread(target=self._run, name='graph', daemon=True)
-        self._thread.start()
-
-    def stop(self) -> None:
-        """End the thread."""
-        self._stopped.set()
-        self._thread.join()
-
-    def _run(self) -> None:
-        last_graph: object = None
-        ticks = 0
-        while not self._stopped.wait(_DISCOVERY_PERIOD):
-            ticks += 1
-            stall = self.heartbeat.beat()
-            if stall is not None:
-                self.stalls.append(stall)
-            graph = self._query()
-            is_due = self._is_due(ticks >= _REQUEST_PERIOD / _DISCOVERY_PERIOD)
-            if graph != last_graph or stall is not None or is_due:
-                self._wake()
-                last_graph = graph
-                ticks = 0
+        self.stalls.append(Pause(begin, self._log_time, {}, reason))
+        return self.stalls[-1]
 
 
 class TopicWatch:
@@ -156,17 +110,21 @@ class TopicWatch:
         # Changed topics, until [s] they are looked at again; and those without a publisher.
         self._unsettled: dict[str, float] = {}
         self._unpublished: set[str] = set()
-        graph_changed = node.create_guard_condition(self._update)
-        self._thread = _GraphThread(self._query_graph, self._is_due, graph_changed.trigger)
+        self._graph_changed = node.create_guard_condition(self._update)
+        self._heartbeat = Heartbeat()
+        self._stopped = Event()
+        self._thread = Thread(target=self._watch_graph, name='graph', daemon=True)
+        self._thread.start()
 
     def stop(self) -> None:
         """Stop the discovery."""
-        self._thread.stop()
+        self._stopped.set()
+        self._thread.join()
 
     @property
     def has_stalled(self) -> bool:
         """Return whether this process has just stalled, and `on_stall` has not returned yet."""
-        return bool(self._thread.stalls) or self._thread.heartbeat.is_late
+        return bool(self._heartbeat.stalls) or self._heartbeat.is_late
 
     @property
     def published(self) -> set[str]:
@@ -178,17 +136,29 @@ class TopicWatch:
         for topic in self._topics.values():
             topic.take_queued()
 
-    def _is_due(self, is_late: bool) -> bool:
-        return bool(self._unsettled or (is_late and self._solvers.pending))
+    def _watch_graph(self) -> None:
+        """
+        Look in a thread for topics, publishers and stalls, and wake the node's loop.
 
-    def _query_graph(self) -> object:
-        """Return the topics, and the publishers of those that had none."""
-        counts = [(name, self._node.count_publishers(name)) for name in self._unpublished.copy()]
-        return _topics_and_types(self._node), counts
+        A timer in it would rebuild the executor's wait set each time, at fifty times the cost.
+        """
+        last_graph: object = None
+        ticks = 0
+        while not self._stopped.wait(_DISCOVERY_PERIOD):
+            ticks += 1
+            stall = self._heartbeat.beat()
+            unpublished = self._unpublished.copy()
+            counts = [(name, self._node.count_publishers(name)) for name in unpublished]
+            graph = _topics_and_types(self._node), counts
+            is_repeated = ticks >= _REQUEST_PERIOD / _DISCOVERY_PERIOD and self._solvers.pending
+            if graph != last_graph or stall is not None or self._unsettled or is_repeated:
+                self._graph_changed.trigger()
+                last_graph = graph
+                ticks = 0
 
     def _update(self) -> None:
         """Record new topics, and adapt those whose publishers have changed."""
-        stalls = self._thread.stalls
+        stalls = self._heartbeat.stalls
         while stalls:
             self._on_stall(stalls[0])
             stalls.popleft()

@@ -3,7 +3,15 @@
 from math import pi
 
 from klann_ros.log import LINKAGE_PARAMETER
-from klann_ros.nodes.leg_declarations import ENCODER_REMEDIES, ENCODERS, FOR_OTHERS, LEGS, OF_LEG
+from klann_ros.nodes.leg_declarations import (
+    drive,
+    ENCODER_REMEDIES,
+    ENCODERS,
+    FOR_OTHERS,
+    GEOMETRY,
+    LEGS,
+    OF_LEG,
+)
 from klann_ros.nodes.parameters import Declaration
 from klann_ros.robot import OF_CRANK
 
@@ -46,6 +54,7 @@ PUBLISHED = (
     Declaration('publish_markers', True, 'whether the legs are published as markers'),
     Declaration('diagnostics_period', 1.0, 'time between diagnostics [s]', limits=(0.01, 3600.0)),
 )
+SOLVER_PARAMETERS = (*GEOMETRY, *LEGS, *SETTINGS, *drive(), *INPUTS, *PUBLISHED)
 # Parameters in leg_description, with any leg's name before them: no files.
 DESCRIBED = frozenset(
     (

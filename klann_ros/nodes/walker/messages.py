@@ -6,7 +6,6 @@ Conversion between bytes and Python messages would cost more than the computatio
 
 from collections.abc import Mapping
 from math import cos, hypot, isfinite, pi, sin
-import struct
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -14,15 +13,15 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
 from klann_ros.gait import Triple, Twist2D
 from klann_ros.kinematics.angles import yaw_of
 from klann_ros.messages import (
-    HEADER_SIZE,
     IMU,
+    NumberPlaces,
     ODOMETRY,
-    STAMP_SIZE,
     Template,
     TRANSFORMS,
     TWIST,
     TWIST_STAMPED,
 )
+from klann_ros.nodes.clocks import ControlClock, steady_time
 from klann_ros.nodes.endpoints import (
     create_publisher,
     create_steady_timer,
@@ -42,12 +41,15 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
 from .declarations import TYPE_REMEDIES
-from .timing import ControlClock, steady_time
 
 # Tolerance of the norm of a quaternion; a default-initialised one is shorter.
 UNIT_TOLERANCE = 1e-2
-# The length of a header's frame in a message.
-_FRAME = slice(HEADER_SIZE + STAMP_SIZE, HEADER_SIZE + STAMP_SIZE + 4)
+# The numbers of an Imu that are read.
+_IMU_NUMBERS = (
+    *('header.stamp.sec', 'header.stamp.nanosec', 'orientation', 'orientation_covariance[0]'),
+    *('orientation_covariance[8]', 'angular_velocity', 'linear_acceleration'),
+    'linear_acceleration_covariance[0]',
+)
 # No walking body turns faster [rad/s].
 MAX_ANGULAR_RATE = 100.0
 # Variances of the velocities z, roll and pitch, which only tilting causes.
@@ -148,19 +150,14 @@ class ImuReader:
     """Read successive sensor_msgs/Imu messages."""
 
     def __init__(self) -> None:
-        # Most messages differ from the last one in their numbers only: size, byte order and length
-        # of the frame of the last one, and the places of its numbers.
-        self._last_format = -1, b'', b''
-        self._layout = _imu_layout('<', 0)
+        # Most messages differ from the last one in their numbers only.
+        self._places: NumberPlaces | None = None
 
     def read(self, data: bytes) -> ImuMessage:
         """Return a message; a ValueError for another one, or one with invalid rates."""
-        message_format = len(data), data[:2], data[_FRAME]
-        if message_format != self._last_format:
-            layout = IMU.layout(data)
-            self._layout = _imu_layout(layout.order, layout.span('orientation').begin)
-            self._last_format = message_format
-        numbers = self._layout.unpack_from(data)
+        if self._places is None or not self._places.fits(data):
+            self._places = NumberPlaces(IMU.layout(data), _IMU_NUMBERS)
+        numbers = self._places.read(data)
         sec, nanosec, x, y, z, w, roll_variance, yaw_variance = numbers[:8]
         wx, wy, wz, force_x, force_y, force_z, force_variance = numbers[8:]
         # NaN compares with nothing.
@@ -178,17 +175,6 @@ class ImuReader:
         # A yaw of any direction has no larger variance.
         variance = min(yaw_variance, pi**2) if yaw_variance > 0.0 else 0.0
         return ImuMessage(orientation, variance, (wx, wy, wz), force, sec, nanosec)
-
-
-def _imu_layout(order: str, begin: int) -> struct.Struct:
-    """
-    Return the places of the stamp, and of three quantities with parts of their covariances.
-
-    These parts are the first and last variance of the orientation, none of the angular velocity,
-    and the first variance of the linear acceleration.
-    """
-    between = max(0, begin - _FRAME.start)
-    return struct.Struct(f'{order}{HEADER_SIZE}xiI{between}x4dd{7 * 8}xd3d{9 * 8}x3dd')
 
 
 class OdomOutput:

@@ -10,6 +10,7 @@ from klann_ros.cli import ArgumentParser
 from klann_ros.gait import Feet, NoWalkerError, Steering, walk_figures
 from klann_ros.kinematics import KinematicsError
 from klann_ros.messages import JointReading
+from klann_ros.nodes.clocks import ControlClock, steady_time, transport_age
 from klann_ros.nodes.crank_output import CrankOutput
 from klann_ros.nodes.encoders import subscribe_cranks
 from klann_ros.nodes.endpoints import (
@@ -33,7 +34,7 @@ from std_msgs.msg import Bool
 
 from .declarations import CONTROL, LIMITS, noise, ODOMETRY, settings, WALKER_PARAMETERS
 from .messages import ImuReader, OdomOutput, read_pose, read_twist, twist_message, WalkerReports
-from .timing import CommandPacer, ControlClock, steady_time, transport_age, WATCH_PERIOD
+from .timing import CommandPacer, WATCH_PERIOD
 
 # Steps of a turn of the cranks, for warnings.
 WARNING_SAMPLES = 90

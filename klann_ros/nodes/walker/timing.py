@@ -1,12 +1,12 @@
-"""The clocks of `walker_node`, and when its commands are due."""
+"""When the commands of `walker_node` are due."""
 
 from collections.abc import Callable
 from functools import partial
-import time
 from typing import Any
 
+from klann_ros.nodes.clocks import ControlClock
 from klann_ros.nodes.endpoints import create_steady_timer
-from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
+from klann_ros.nodes.raw_executor import RawCallbackGroup
 from rclpy.node import Node
 
 # Period of the watchdog [s]; where feedback drives this part of all commands, no timer does.
@@ -15,49 +15,6 @@ WATCH_PERIOD, DRIVEN_RATIO = 0.1, 0.8
 BEAT_RESTART = 10
 # A command may be early by this part of a period: feedback jitters.
 EARLY = 0.3
-
-
-def steady_time() -> float:
-    """Return the time of a clock that runs while the machine is suspended as well [s]."""
-    return time.clock_gettime(time.CLOCK_BOOTTIME)
-
-
-def transport_age(info: Info) -> float | None:
-    """Return the age of a message since it was sent [s]; None if unknown."""
-    sending_time: int = info['source_timestamp']
-    return (time.time_ns() - sending_time) / 1e9 if sending_time else None
-
-
-class ControlClock:
-    """
-    The clock of a walker: simulated time, or a clock that is never set.
-
-    Simulated time may stand still, and the machine's may be set; cranks need neither.
-    """
-
-    def __init__(self, node: Node) -> None:
-        self.is_simulated = bool(node.get_parameter('use_sim_time').value)
-        self._ros_clock = node.get_clock()
-
-    def now(self) -> float:
-        """Return the control time [s]."""
-        return self._ros_clock.now().nanoseconds / 1e9 if self.is_simulated else steady_time()
-
-    def stamp(self) -> tuple[int, int]:
-        """Return a stamp of now: seconds and nanoseconds."""
-        # rclpy's clock of the machine's time costs ten times as much.
-        stamp = self._ros_clock.now().nanoseconds if self.is_simulated else time.time_ns()
-        seconds, nanoseconds = divmod(stamp, 10**9)
-        return seconds, nanoseconds
-
-    def age(self, sec: int, nanosec: int) -> float:
-        """Return the age of a stamp [s]."""
-        now = self.now() if self.is_simulated else time.time()
-        return now - sec - nanosec / 1e9
-
-    def sending_time(self, info: Info) -> float:
-        """Return the time of sending [s]; 0 in a simulation, whose time it is not."""
-        return 0.0 if self.is_simulated else float(info['source_timestamp'] / 1e9)
 
 
 class Beat:

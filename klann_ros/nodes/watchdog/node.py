@@ -22,15 +22,29 @@ from klann_ros.nodes.endpoints import (
     subscribe_raw,
     TypeCheck,
 )
-from klann_ros.nodes.parameters import declare, require, usage
+from klann_ros.nodes.parameters import Declaration, declare, number, require, usage
 from klann_ros.nodes.process import arguments, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.stop_signals import StopSignals
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray
 
-from .declarations import TYPE_REMEDIES, WATCHDOG_PARAMETERS
-
+WATCHDOG_PARAMETERS = (
+    Declaration(
+        'joints',
+        [''],
+        'joints of the controller, which takes as many numbers',
+        constraint='the names of its joints',
+    ),
+    number('command_timeout', 0.5, 'without a younger command zero is sent [s]', 0.01, 60.0),
+    number('diagnostics_period', 1.0, 'time between diagnostics [s]', 0.01, 3600.0),
+)
+# What to do about a publisher of another type, by the type that is taken and the published one.
+TYPE_REMEDIES = {
+    ('std_msgs/msg/Float64MultiArray', 'sensor_msgs/msg/JointState'): (
+        'command_type:=velocities of walker_node'
+    ),
+}
 # Period of the timer, in timeouts: zero is late by this part of the timeout.
 TICKS = 0.1
 # Zero is repeated with this period [s]: it may be lost, as where walker_node was killed while it
