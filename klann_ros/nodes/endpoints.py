@@ -31,6 +31,7 @@ from rclpy.qos import (
     QoSProfile,
     ReliabilityPolicy,
 )
+from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_support import check_is_valid_msg_type
 from rclpy.validate_full_topic_name import validate_full_topic_name
@@ -167,17 +168,18 @@ def subscribe_raw(
     callback: Callable[[bytes, Info], None],
     *,
     wakes: bool = True,
-) -> None:
+    on_matched: Callable[[Any], None] | None = None,
+) -> Subscription:
     """
     Subscribe to the bytes of an input, with the quality of service as overridden.
 
     Without `wakes` its messages are taken with those of a subscription that wakes the node.
     """
     profile = overridden(node, topic, 'subscription', INPUT)
-    # Each event costs at every wait. An input that matches every publisher needs none.
-    events = SubscriptionEventCallbacks(use_default_callbacks=profile != INPUT)
+    # Each event costs at every wait. An input that matches every publisher needs no other.
+    events = SubscriptionEventCallbacks(matched=on_matched, use_default_callbacks=profile != INPUT)
     group = RawCallbackGroup(wakes=wakes)
-    node.create_subscription(
+    return node.create_subscription(
         kind, topic, callback, profile, raw=True, callback_group=group, event_callbacks=events
     )
 

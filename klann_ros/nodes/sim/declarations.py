@@ -72,6 +72,9 @@ OUTPUT = (
     Declaration('base_frame', 'base_link', 'frame of the body, and of its IMU'),
     number('diagnostics_period', 1.0, 'time between diagnostics [s]', 0.01, 3600.0),
 )
+# By their titles in the help.
+SIM_GROUPS = {'the world': WORLD, 'motors': DRIVES, 'sensors': READINGS, 'outputs': OUTPUT}
+SIM_GROUPS['faults'] = FAULTS
 SIM_PARAMETERS = (*WORLD, *DRIVES, *READINGS, *FAULTS, *OUTPUT)
 
 

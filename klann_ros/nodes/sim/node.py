@@ -22,7 +22,7 @@ from klann_ros.nodes.endpoints import (
     create_trigger,
     diagnostic_array,
     diagnostic_status,
-    node_of,
+    other_publishers,
     publish_last,
     QOS_USAGE,
     subscribe_raw,
@@ -55,18 +55,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Bool, Header
 
-from .declarations import (
-    DRIVES,
-    FAULTS,
-    floor,
-    motors,
-    OUTPUT,
-    READINGS,
-    sensors,
-    SIM_PARAMETERS,
-    TYPE_REMEDIES,
-    WORLD,
-)
+from .declarations import floor, motors, sensors, SIM_GROUPS, SIM_PARAMETERS, TYPE_REMEDIES
 
 # A warning is published below this real-time factor [-].
 MIN_REAL_TIME_FACTOR = 0.97
@@ -415,12 +404,9 @@ class DemoCommandPublisher:
 
     def _has_others(self) -> bool:
         """Return whether another node publishes cmd_vel, except a driver that has left."""
-        topic = self._publisher.topic_name
-        if self._node.count_publishers(topic) == 1:
-            return False
-        publishers = {*map(node_of, self._node.get_publishers_info_by_topic(topic))}
         # A driver that was killed is known to the middleware for 20 s more.
-        return bool(publishers - {self._node.get_fully_qualified_name(), self._lease.last_holder})
+        publishers = other_publishers(self._node, self._publisher.topic_name)
+        return bool(publishers - {self._lease.last_holder})
 
     def _on_lease(self, driver: str) -> None:
         text = f'yields to {driver}, which drives it' if driver else 'resumes: the driver has left'
@@ -439,14 +425,13 @@ def _diagonal(variance: float) -> list[float]:
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
-    groups = {'the world': WORLD, 'motors': DRIVES, 'sensors': READINGS, 'outputs': OUTPUT}
-    groups['faults'] = FAULTS
     kinds = '\n'.join(f'  {kind.label} ({kind.size:g}): {kind.description}' for kind in Injection)
     parser = ArgumentParser(
         'sim_node',
         'Simulate a robot in MuJoCo, in real time: speeds of its cranks in (crank_command), its '
         'cranks (crank_state), its IMU (imu) and its true pose (ground_truth) out.',
-        f'{usage(groups)}\n faults by name (size), of a crank as JOINT_NAME or for all:\n{kinds}\n'
+        f'{usage(SIM_GROUPS)}\n'
+        f' faults by name (size), of a crank as JOINT_NAME or for all:\n{kinds}\n'
         ' its legs and masses: those of solver_node, in the same file\n'
         f'{QOS_USAGE}\n\n'
         'Service ~/reset (std_srvs/srv/Trigger): the robot stands where it began.',

@@ -9,10 +9,9 @@ from klann_ros.kinematics import KinematicsError
 from klann_ros.log import LossCounter
 from klann_ros.messages import NumberReader
 from klann_ros.nodes.encoders import crank_topics, CrankTopic
-from klann_ros.nodes.endpoints import INPUT, overridden, type_name
-from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
+from klann_ros.nodes.endpoints import INPUT, overridden, subscribe_raw, type_name
+from klann_ros.nodes.raw_executor import Info
 from klann_ros.sanitize.text import printable
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from std_msgs.msg import Float32, Float64
 
@@ -181,25 +180,17 @@ class _Source:
         self._alternations = 0
         self._sequence: int | None = None
         self._node = node
-        self._profile = overridden(node, topic, 'subscription', INPUT)
-        self._arguments = (kind, topic, callback, self._profile)
-        self._group = RawCallbackGroup()
+        # Declared at the start, also of a node that is not active.
+        overridden(node, topic, 'subscription', INPUT)
+        self._arguments = (kind, topic, callback)
         self._subscription: Subscription | None = None
         self.topic = node.resolve_topic_name(topic)
 
     def subscribe(self) -> None:
-        if self._subscription is not None:
-            return
-        self._subscription = self._node.create_subscription(
-            *self._arguments,
-            raw=True,
-            callback_group=self._group,
-            # Each event costs at every wait. An input that matches every publisher needs no
-            # other event; one with an overridden QoS may.
-            event_callbacks=SubscriptionEventCallbacks(
-                matched=self._on_matched, use_default_callbacks=self._profile != INPUT
-            ),
-        )
+        if self._subscription is None:
+            self._subscription = subscribe_raw(
+                self._node, *self._arguments, on_matched=self._on_matched
+            )
 
     def unsubscribe(self) -> None:
         if self._subscription is not None:
