@@ -124,10 +124,10 @@ class Log(AbstractContextManager['Log']):
 
     def __init__(self, path: Path, files: list[Storage], problems: list[str]) -> None:
         self.path = path
-        self._files = [(file, file.overview()) for file in files]
+        self._files = files
         self._problems = problems
         self.paths = tuple(file.path for file in files)
-        overviews = [overview for _, overview in self._files]
+        overviews = [file.overview() for file in files]
         times = spanned_time(overview.times for overview in overviews)
         self.times = LogTimes(*(times or (0, 0)))
         if self.times.end - self.times.start > MAX_LOG_DURATION:
@@ -135,31 +135,28 @@ class Log(AbstractContextManager['Log']):
         self.start_time = self.times.start
         self.end_time = self.times.end
         self.topics = tuple(dict.fromkeys(chain(*(overview.topics for overview in overviews))))
-        self._sources: list[Source] = []
+        self._sources = [source for file in files for source in file.sources()]
         self.metadata: dict[str, list[dict[str, str]]] = {}
         # The first file with each record: a file does not repeat itself.
         first_files: dict[Hashable, Path] = {}
-        for file, overview in self._files:
-            self._sources.extend(file.sources(overview))
-            for record in map(file.metadata_at, overview.metadata):
-                if record is not None:
-                    name, content = record
-                    key = name, tuple(sorted(content.items()))
-                    if first_files.setdefault(key, file.path) == file.path:
-                        self.metadata.setdefault(name, []).append(content)
+        for file in files:
+            for name, content in file.metadata():
+                key = name, tuple(sorted(content.items()))
+                if first_files.setdefault(key, file.path) == file.path:
+                    self.metadata.setdefault(name, []).append(content)
 
     @property
     def problems(self) -> tuple[str, ...]:
         """Return the faults of the log, one line each; reading may find more."""
         problems = list(self._problems)
-        for file, _ in self._files:
+        for file in self._files:
             problems += file.problems.lines(file.name)
         return tuple(problems)
 
     @property
     def is_refused_only(self) -> bool:
         """Return whether all its problems are limits of this machine, and none is damage."""
-        problems = list(chain(*(file.problems.values() for file, _ in self._files)))
+        problems = list(chain(*(file.problems.values() for file in self._files)))
         return not self._problems and bool(problems) and all(p.is_refusal for p in problems)
 
     @property
@@ -176,21 +173,20 @@ class Log(AbstractContextManager['Log']):
         They are records of recorder_node, or else messages of `leg_description`, which any
         recorder has.
         """
-        records = self.metadata.get(run_parameters.SOLVER_RECORD, ())
-        if records:
-            return run_parameters.recorded_solvers(records)
         return [*self._described_solvers.solvers]
 
     @property
     def refused_descriptions(self) -> list[str]:
         """Return why messages of `leg_description` describe no solver."""
-        if self.metadata.get(run_parameters.SOLVER_RECORD, ()):
-            return []
         return [*self._described_solvers.refusals]
 
     @cached_property
     def _described_solvers(self) -> run_parameters.DescribedSolvers:
         # Read once: it may unpack the whole log.
+        records = self.metadata.get(run_parameters.SOLVER_RECORD)
+        if records:
+            solvers = run_parameters.recorded_solvers(records)
+            return run_parameters.DescribedSolvers(solvers, [])
         names = {t.name for t in self.topics if run_parameters.is_leg_description(t)}
         messages = self.messages(names) if names else ()
         return run_parameters.described_solvers(messages)
@@ -198,7 +194,7 @@ class Log(AbstractContextManager['Log']):
     @property
     def gaps(self) -> tuple[tuple[int, int], ...]:
         """Return the first and last log time [ns] of damaged parts; reading may find more."""
-        return tuple(gap for file, _ in self._files for gap in file.gaps)
+        return tuple(gap for file in self._files for gap in file.gaps)
 
     @property
     def complete(self) -> bool:
@@ -213,13 +209,12 @@ class Log(AbstractContextManager['Log']):
     def each_attachment(self) -> Iterator[Attachment]:
         """Yield the attachments, as in `attachments`, with one at a time in memory."""
         first_files: dict[Hashable, Path] = {}
-        for file, overview in self._files:
-            for attachment in map(file.attachment_at, overview.attachments):
-                if attachment is not None:
-                    digest = hashlib.sha256(attachment.data).digest()
-                    key = attachment.name, attachment.media_type, digest
-                    if first_files.setdefault(key, file.path) == file.path:
-                        yield attachment
+        for file in self._files:
+            for attachment in file.attachments():
+                digest = hashlib.sha256(attachment.data).digest()
+                key = attachment.name, attachment.media_type, digest
+                if first_files.setdefault(key, file.path) == file.path:
+                    yield attachment
 
     def messages(
         self,
@@ -256,32 +251,38 @@ class Log(AbstractContextManager['Log']):
         return (message for message in merged if start <= message.log_time <= end)
 
     def latest(self, counts: Mapping[str, int], end_time: int) -> list[Message]:
-        """
-        Return the last messages before a log time [ns], ordered by log time.
-
-        Parameters
-        ----------
-        counts
-            Wanted number of messages by topic.
-        end_time
-            The log time before which they were received.
-
-        """
-        return _latest(self._sources, counts, end_time)
+        """Return the last messages before a log time [ns], by it: `counts` of each topic."""
+        latest: dict[str, list[Message]] = {name: [] for name in counts}
+        earlier = (source for source in self._sources if source.start < end_time)
+        # Backwards, until no earlier source can hold a wanted message.
+        for source in sorted(earlier, key=attrgetter('end'), reverse=True):
+            incomplete = {
+                name
+                for name, messages in latest.items()
+                if len(messages) < counts[name] or messages[0].log_time <= source.end
+            }
+            if not incomplete:
+                break
+            for message in source.read(incomplete):
+                name = message.topic.name
+                if message.log_time < end_time:
+                    latest[name].append(message)
+                    # A file without an index may have any number of messages.
+                    if len(latest[name]) > 2 * counts[name] + _SLACK:
+                        latest[name] = _last_by_time(latest[name], counts[name])
+            for name in incomplete:
+                latest[name] = _last_by_time(latest[name], counts[name])
+        return _last_by_time(list(chain(*latest.values())), sum(counts.values()))
 
     def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[MessageBlock]:
         """
         Yield the messages in large blocks, in the order of the files.
 
-        Parameters
-        ----------
-        progress
-            Called for each block with the part of the log before it, from 0 to 1.
-
+        `progress` is called for each block with the part of the log before it, from 0 to 1.
         """
-        total_size = sum(file.size for file, _ in self._files) or 1
+        total_size = sum(file.size for file in self._files) or 1
         file_offset = 0
-        for file, _ in self._files:
+        for file in self._files:
             for offset, block in file.blocks():
                 if progress is not None:
                     progress((file_offset + offset) / total_size)
@@ -290,7 +291,7 @@ class Log(AbstractContextManager['Log']):
 
     def close(self) -> None:
         """Remove the unpacked copies; returned data stay valid."""
-        for file, _ in self._files:
+        for file in self._files:
             file.close()
 
     def __exit__(self, *_: object) -> None:
@@ -325,30 +326,6 @@ def _merge_by_time(sources: Sequence[Source], topics: Topics) -> Iterator[Messag
         next_message = next(messages, None)
         if next_message is not None:
             heapq.heappush(started, (next_message.log_time, number, next_message, messages))
-
-
-def _latest(sources: Sequence[Source], counts: Mapping[str, int], end_time: int) -> list[Message]:
-    """Read sources backwards from a time until no earlier one can hold a wanted message."""
-    latest: dict[str, list[Message]] = {name: [] for name in counts}
-    earlier = (source for source in sources if source.start < end_time)
-    for source in sorted(earlier, key=attrgetter('end'), reverse=True):
-        incomplete = {
-            name
-            for name, messages in latest.items()
-            if len(messages) < counts[name] or messages[0].log_time <= source.end
-        }
-        if not incomplete:
-            break
-        for message in source.read(incomplete):
-            name = message.topic.name
-            if message.log_time < end_time:
-                latest[name].append(message)
-                # A file without an index may have any number of messages.
-                if len(latest[name]) > 2 * counts[name] + _SLACK:
-                    latest[name] = _last_by_time(latest[name], counts[name])
-        for name in incomplete:
-            latest[name] = _last_by_time(latest[name], counts[name])
-    return _last_by_time(list(chain(*latest.values())), sum(counts.values()))
 
 
 def _last_by_time(messages: list[Message], count: int) -> list[Message]:

@@ -31,7 +31,7 @@ from . import records
 from .content import chunk_content, Content, content_of
 from .decompression import DecompressionBudget, MAX_RATIO, MIN_LIMIT
 from .record_check import RecordCheck
-from .recovery import gaps, RecordScan
+from .recovery import gaps, RecordScan, ScanReport
 from .summary import Channels, ContentCount, read_summary, Summary
 
 Parsed = TypeVar('Parsed')
@@ -67,10 +67,10 @@ class _Batch(NamedTuple):
 class _Survey:
     """What a pass over the whole file finds."""
 
-    overview: Overview
     # The topic of each channel.
     topics: dict[int, Topic]
     batches: list[_Batch]
+    report: ScanReport
 
 
 class McapStorage:
@@ -159,25 +159,21 @@ class McapStorage:
 
     def overview(self) -> Overview:
         """Return the content by the index, or by a pass over the whole file."""
-        summary = self.summary
-        statistics = summary.statistics
-        if not summary.is_index or statistics is None:
-            return self._survey.overview
-        return Overview(
-            list(summary.channels.topics().values()),
-            (statistics.message_start_time, statistics.message_end_time)
-            if statistics.message_count
-            else None,
-            summary.metadata,
-            summary.attachments,
-        )
+        statistics = self.summary.statistics
+        if not self.summary.is_index or statistics is None:
+            topics = self._survey.topics
+            times = spanned_time((batch.start, batch.end) for batch in self._survey.batches)
+        else:
+            topics = self.summary.channels.topics()
+            ends = statistics.message_start_time, statistics.message_end_time
+            times = ends if statistics.message_count else None
+        return Overview(list(topics.values()), times)
 
     @cached_property
     def _survey(self) -> _Survey:
         """Make a pass over the whole file: a channel record may follow its messages."""
         channels = self.summary.channels
         batches: list[_Batch] = []
-        batch = None
         with self.open() as file:
             scan = self.scan(file, channels)
             for span, content in scan.contents():
@@ -185,24 +181,15 @@ class McapStorage:
                 if times is None:
                     continue
                 place = array('Q', (span.opcode, span.offset, span.length))
-                addition = _Batch(len(content.data), *times, place)
-                batch = addition if batch is None else batch.extended(addition)
-                if batch.size > _SMALL_CHUNK:
+                batch = _Batch(len(content.data), *times, place)
+                if batches and batches[-1].size <= _SMALL_CHUNK:
+                    batches[-1] = batches[-1].extended(batch)
+                else:
                     batches.append(batch)
-                    batch = None
             self._note_losses(scan)
-        if batch is not None:
-            batches.append(batch)
         for text in channels.contradictions:
             self.problems.note_whole(text)
-        topics = channels.topics()
-        overview = Overview(
-            list(topics.values()),
-            spanned_time([(batch.start, batch.end) for batch in batches]),
-            [span.offset for span in scan.report.metadata],
-            [span.offset for span in scan.report.attachments],
-        )
-        return _Survey(overview, topics, batches)
+        return _Survey(channels.topics(), batches, scan.report)
 
     @cached_property
     def _topics(self) -> dict[int, Topic]:
@@ -211,28 +198,37 @@ class McapStorage:
         is_trusted = self.summary.is_index and self.summary.verified
         return self.summary.channels.topics() if is_trusted else self._survey.topics
 
-    def _parsed_at(
-        self, offset: int, opcode: Opcode, parse_one: Callable[[bytes, int], Parsed]
-    ) -> Parsed | None:
-        """Return a record; None, and a problem, if it is not there or damaged."""
-        try:
-            with self.open() as file:
-                end = self.summary.entry(offset).end or self._end
-                span = records.span_at(file, offset, min(end, self._end))
-                _check_kind(file, span, opcode)
-                return parse_one(records.read(file, span), offset)
-        except DamagedError as damage:
-            self.problems.note(offset, damage.reason, is_loss=True)
-            return None
+    def _parsed(
+        self, offsets: list[int], opcode: Opcode, parse_one: Callable[[bytes, int], Parsed]
+    ) -> Iterator[Parsed]:
+        """Yield the records at offsets; one that is not there or damaged is a problem."""
+        for offset in offsets:
+            try:
+                with self.open() as file:
+                    end = self.summary.entry(offset).end or self._end
+                    span = records.span_at(file, offset, min(end, self._end))
+                    _check_kind(file, span, opcode)
+                    record = parse_one(records.read(file, span), offset)
+            except DamagedError as damage:  # noqa: PERF203, RUF100 - of each record
+                self.problems.note(offset, damage.reason, is_loss=True)
+            else:
+                yield record
 
-    def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
-        """Return the name and content of a metadata record; None if it is damaged."""
-        record = self._parsed_at(offset, Opcode.METADATA, partial(records.parse, Metadata))
-        return None if record is None else (record.name, record.metadata)
+    @property
+    def _index(self) -> Summary | ScanReport:
+        """Return what has the offsets of records outside of chunks."""
+        return self.summary if self.summary.is_index else self._survey.report
 
-    def attachment_at(self, offset: int) -> Attachment | None:
-        """Return an attachment; None if it is damaged."""
-        return self._parsed_at(offset, Opcode.ATTACHMENT, records.parse_attachment)
+    def metadata(self) -> Iterator[tuple[str, dict[str, str]]]:
+        """Yield the name and content of each metadata record."""
+        offsets = self._index.metadata
+        for record in self._parsed(offsets, Opcode.METADATA, partial(records.parse, Metadata)):
+            yield record.name, record.metadata
+
+    def attachments(self) -> Iterator[Attachment]:
+        """Yield the attachments."""
+        offsets = self._index.attachments
+        return self._parsed(offsets, Opcode.ATTACHMENT, records.parse_attachment)
 
     def first_data(self) -> bytes:
         """Return the data of the first message in the file; b'' if there is none."""
@@ -261,7 +257,7 @@ class McapStorage:
             )
         return batches
 
-    def sources(self, _: Overview) -> Iterator[Source]:
+    def sources(self) -> Iterator[Source]:
         """Yield the batches; all of them as one if too many overlap in time."""
         batches = self._batches()
         sources = [Source(batch.start, batch.end, partial(self._read, batch)) for batch in batches]

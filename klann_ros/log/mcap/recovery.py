@@ -65,9 +65,9 @@ class Loss:
 class ScanReport:
     """What a pass over a file has found beside its messages so far."""
 
-    # Places of such records.
-    metadata: list[RecordSpan] = field(default_factory=list)
-    attachments: list[RecordSpan] = field(default_factory=list)
+    # Offsets of such records [bytes].
+    metadata: list[int] = field(default_factory=list)
+    attachments: list[int] = field(default_factory=list)
     # Skipped bytes, faults that lose nothing, and records that only look like faults.
     losses: list[Loss] = field(default_factory=list)
     problems: list[LogProblem] = field(default_factory=list)
@@ -279,9 +279,9 @@ class RecordScan:
             except DamagedError as damage:
                 self._lose_record(span, damage.reason)
             else:
-                self.report.metadata.append(span)
+                self.report.metadata.append(span.offset)
         elif span.opcode == Opcode.ATTACHMENT:
-            self.report.attachments.append(span)
+            self.report.attachments.append(span.offset)
         elif span.opcode == Opcode.HEADER:
             if span.offset != len(records.MAGIC):
                 self._lose_record(span, 'a header does not belong there')

@@ -14,15 +14,7 @@ from klann_ros.log.records import Message, Topic
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import printable
 
-from .storage import (
-    block_of_messages,
-    MessageBlock,
-    Overview,
-    Source,
-    Storage,
-    TemporaryFile,
-    Topics,
-)
+from .storage import block_of_messages, MessageBlock, Source, Storage, TemporaryFile, Topics
 
 COMPRESSED_SUFFIXES = ('.zstd', '.zst')
 """Suffixes of compressed files."""
@@ -134,13 +126,13 @@ class CompressedMessages:
         self.remarks = storage.remarks
         self.overview = storage.overview
         self.first_data = storage.first_data
-        self.metadata_at = storage.metadata_at
-        self.attachment_at = storage.attachment_at
+        self.metadata = storage.metadata
+        self.attachments = storage.attachments
         self.close = storage.close
 
-    def sources(self, overview: Overview) -> Iterator[Source]:
+    def sources(self) -> Iterator[Source]:
         """Yield the parts that can be read separately."""
-        for source in self._storage.sources(overview):
+        for source in self._storage.sources():
             yield Source(source.start, source.end, partial(self._read, source))
 
     def blocks(self) -> Iterator[tuple[int, MessageBlock]]:

@@ -118,10 +118,9 @@ class SqliteStorage:
     def overview(self) -> Overview:
         """Return its content, topics without messages included."""
         times = spanned_time([(rows.start, rows.end) for rows in self.rows.ranges])
-        metadata = [0] if self.description.metadata else []
-        return Overview(list(self.description.topics.values()), times, metadata, [])
+        return Overview(list(self.description.topics.values()), times)
 
-    def sources(self, _: Overview) -> Iterator[Source]:
+    def sources(self) -> Iterator[Source]:
         """Yield the parts that can be read separately."""
         for rows in self.rows.ranges:
             yield Source(rows.start, rows.end, partial(self._by_time, rows))
@@ -138,14 +137,14 @@ class SqliteStorage:
                 return data
         return b''
 
-    def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
-        """Return the last row of the table of metadata, as an MCAP file has it."""
-        texts = self.description.metadata[offset:]
-        return (RECORD_NAME, {RECORD_KEY: texts[-1]}) if texts else None
+    def metadata(self) -> Iterator[tuple[str, dict[str, str]]]:
+        """Yield the last row of the table of metadata, as an MCAP file has it."""
+        for text in self.description.metadata[-1:]:
+            yield RECORD_NAME, {RECORD_KEY: text}
 
-    def attachment_at(self, _: int) -> Attachment | None:
-        """Return None: the format has no attachments."""
-        return None
+    def attachments(self) -> Iterator[Attachment]:
+        """Yield nothing: the format has no attachments."""
+        return iter(())
 
     def close(self) -> None:
         """Remove its unpacked or copied files."""

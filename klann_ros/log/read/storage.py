@@ -3,10 +3,11 @@
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 import shutil
 import tempfile
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 import weakref
 
 from klann_ros.log.errors import AnyPath, NotALogError
@@ -59,13 +60,22 @@ class MessageBlock:
     def __len__(self) -> int:
         return len(self.starts)
 
-    @property
+    @cached_property
     def sizes(self) -> NDArray[np.int64]:
         """Return the size of each message's data [bytes], shape (n,)."""
         return self.heads['length'].astype(np.int64) - _HEAD_LENGTH
 
-    def signed_times(self, name: str) -> NDArray[np.int64]:
-        """Return the log or publish times as signed integers [ns]: a log may hold any 64 bits."""
+    @cached_property
+    def log_times(self) -> NDArray[np.int64]:
+        """Return the log times as signed integers [ns], shape (n,): a log may hold any 64 bits."""
+        return self._signed('log_time')
+
+    @cached_property
+    def publish_times(self) -> NDArray[np.int64]:
+        """Return the publish times as signed integers [ns], shape (n,)."""
+        return self._signed('publish_time')
+
+    def _signed(self, name: str) -> NDArray[np.int64]:
         return np.asarray(np.minimum(self.heads[name], np.uint64(LAST_TIME)).astype('i8'))
 
     def message(self, row: int) -> bytes:
@@ -173,14 +183,11 @@ class Problems(dict[int, LogProblem]):
         ]
 
 
-@dataclass(frozen=True)
-class Overview:
-    """Content of a file: topics, first and last log time [ns], offsets of other records."""
+class Overview(NamedTuple):
+    """The topics of a file, and its first and last log time [ns]; None without a message."""
 
     topics: list[Topic]
     times: tuple[int, int] | None
-    metadata: list[int]
-    attachments: list[int]
 
 
 def spanned_time(times: Iterable[tuple[int, int] | None]) -> tuple[int, int] | None:
@@ -216,17 +223,17 @@ class Storage(Protocol):
     def overview(self) -> Overview:
         """Return an overview of the content."""
 
-    def sources(self, overview: Overview) -> Iterator[Source]:
+    def sources(self) -> Iterator[Source]:
         """Yield the parts that can be read separately."""
 
     def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
         """Yield all messages in large blocks in the order of the file, with their offsets."""
 
-    def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
-        """Return the name and content of a metadata record of the overview."""
+    def metadata(self) -> Iterator[tuple[str, dict[str, str]]]:
+        """Yield the name and content of each metadata record."""
 
-    def attachment_at(self, offset: int) -> Attachment | None:
-        """Return an attachment of the overview."""
+    def attachments(self) -> Iterator[Attachment]:
+        """Yield the attachments."""
 
     def first_data(self) -> bytes:
         """Return the data of the first message in the file; b'' if there is none."""

@@ -47,18 +47,6 @@ class JointSelector(Protocol):
         """Return whether JointStates with a number of positions lack those of a leg."""
 
 
-class _TimedBlock(NamedTuple):
-    """A block, with what all its topics need of it."""
-
-    # Log and publish times [ns], and sizes [bytes] of the messages.
-    times: IntArray
-    published: IntArray
-    sizes: IntArray
-    # Return the bytes of one message, and those of some of one size.
-    message: Callable[[int], bytes]
-    rows: Callable[[IndexArray, int], NDArray[np.uint8]]
-
-
 class Part:
     """
     Messages of a topic with equal names, and the numbers that are kept of them.
@@ -82,16 +70,16 @@ class Part:
 
     def add(
         self,
-        block: '_TimedBlock',
+        block: MessageBlock,
         rows: IndexArray,
         stamps: IntArray,
         numbers: Mapping[str, NDArray[Any]],
     ) -> None:
         """Add messages of a block, with their stamps [ns] and numbers."""
-        times = block.times[rows]
+        times = block.log_times[rows]
         is_unstamped = stamps == 0
         if self.selection.is_input and is_unstamped.any():
-            published = block.published[rows]
+            published = block.publish_times[rows]
             sources = np.where(published > 0, published, times)
             stamps = np.where(is_unstamped, sources, stamps)
         self._times.add(times)
@@ -175,7 +163,7 @@ class _TopicColumns:
                 names = 'name' if self.role is Role.JOINTS else ''
                 self._reader = ColumnReader(self._type, reading.paths or (), names)
 
-    def add(self, block: _TimedBlock, rows: IndexArray) -> None:
+    def add(self, block: MessageBlock, rows: IndexArray) -> None:
         """Add the topic's messages in a block."""
         if self.role is None:
             return
@@ -200,12 +188,12 @@ class _TopicColumns:
             for reason, (count, time) in self._refused.items():
                 yield Undecoded(self.topic, self.encoding, reason, count, time)
 
-    def _refuse(self, block: _TimedBlock, reason: Mismatch, rows: IndexArray) -> None:
-        time = int(block.times[rows].min())
+    def _refuse(self, block: MessageBlock, reason: Mismatch, rows: IndexArray) -> None:
+        time = int(block.log_times[rows].min())
         count, first_time = self._refused.get(reason, (0, time))
         self._refused[reason] = count + len(rows), min(time, first_time)
 
-    def _add_contents(self, block: _TimedBlock, rows: IndexArray) -> None:
+    def _add_contents(self, block: MessageBlock, rows: IndexArray) -> None:
         """Add texts or reports; a text is usually repeated."""
         is_text = self.role is Role.DESCRIPTION
         max_size = MAX_DESCRIPTION_SIZE + _MESSAGE_OVERHEAD if is_text else MAX_MESSAGE_SIZE
@@ -219,9 +207,9 @@ class _TopicColumns:
                 content = self._type.read(data)
                 content = _CONTENTS.get(self.role, dict)(content)
                 if content:
-                    self.contents.append((int(block.times[row]), content))
+                    self.contents.append((int(block.log_times[row]), content))
 
-    def _add_numbers(self, block: _TimedBlock, columns: MessageColumns, role: Role) -> None:
+    def _add_numbers(self, block: MessageBlock, columns: MessageColumns, role: Role) -> None:
         """Add numbers without names, such as angles and points, to the part of their topic."""
         selection = _AN_INPUT if role in _INPUTS else _NO_INPUT
         kept = {}
@@ -246,7 +234,7 @@ class _TopicColumns:
             kept[''] = kept[''][new]
         part.add(block, rows, stamps, kept)
 
-    def _add_joints(self, block: _TimedBlock, columns: MessageColumns) -> None:
+    def _add_joints(self, block: MessageBlock, columns: MessageColumns) -> None:
         """Add the selected joints of JointStates to the part of their names."""
         names = columns.names
         numbers = {
@@ -341,10 +329,9 @@ class LogColumns:
 
     def add(self, block: MessageBlock) -> None:
         """Add the messages of a block."""
-        times = block.signed_times('log_time')
-        published = block.signed_times('publish_time')
+        times = block.log_times
+        published = block.publish_times
         numbers = block.heads['sequence'].astype(np.int64)
-        timed_block = _TimedBlock(times, published, block.sizes, block.message, block.rows)
         for topic, rows in _by_topic(block):
             if topic not in self._topics:
                 self._topics[topic] = _TopicColumns(topic, self._joints, self._rate_kind)
@@ -353,7 +340,7 @@ class LogColumns:
             if key not in self.receptions:
                 self.receptions[key] = Reception()
             self.receptions[key].add(topic.qos, times[rows], published[rows], numbers[rows])
-            self._topics[topic].add(timed_block, rows)
+            self._topics[topic].add(block, rows)
 
     def parts(self, *roles: Role) -> Iterator[Part]:
         """Yield what is kept of the topics with some roles."""
