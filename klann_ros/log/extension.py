@@ -281,15 +281,11 @@ class _Extension:
             chunk['head']['sequence'] = np.arange(begin, end) + 1
             for offset, numbers in messages.changes.items():
                 chunk[str(offset)] = numbers[begin:end]
+            data = chunk.view(np.uint8).data
+            compression = 'zstd', self._compressor.compress(data)
             spanned = int(times.min()), int(times.max())
-            self._write_chunk(chunk.view(np.uint8).data, spanned, {channel: chunk_index.tobytes()})
-
-    def _write_chunk(
-        self, data: memoryview, times: tuple[int, int], entries: Mapping[int, bytes]
-    ) -> None:
-        compression = 'zstd', self._compressor.compress(data)
-        start = self._file.tell()
-        chunk, indexes, index = encoded_chunk(start, data, compression, times, entries)
-        self._file.write(chunk)
-        self._file.write(indexes)
-        self._groups[Opcode.CHUNK_INDEX].append(encoded(index))
+            entries = {channel: chunk_index.tobytes()}
+            start = self._file.tell()
+            packed, indexes, entry = encoded_chunk(start, data, compression, spanned, entries)
+            self._file.writelines((packed, indexes))
+            self._groups[Opcode.CHUNK_INDEX].append(encoded(entry))

@@ -7,7 +7,7 @@ The text is a YAML sequence of one profile per publisher. Policies are words sin
 MalformedQosError; rosbag2 cannot open a file with one.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any
@@ -179,45 +179,38 @@ def _read(text: str) -> tuple[tuple[Qos, ...], bool]:
 def _profile(mapping: object) -> Qos:
     if not isinstance(mapping, dict):
         raise MalformedQosError(f'a profile is {_quoted(mapping)}, not a mapping')
-    settings: dict[str, Any] = {'depth': _count(mapping, 'depth')}
-    for key in POLICIES:
-        settings[key] = _word(mapping, key)
-    for key in _DURATIONS:
-        settings[key] = _duration(mapping, key)
-    key = 'avoid_ros_namespace_conventions'
-    settings[key] = bool(_get(mapping, key))
-    return Qos(**settings)
+    try:
+        settings: dict[str, Any] = {'depth': _count(mapping, 'depth')}
+        for key, words in POLICIES.items():
+            settings[key] = _word(words, mapping[key])
+        for key in _DURATIONS:
+            settings[key] = _duration(mapping, key)
+        avoids_conventions = bool(mapping['avoid_ros_namespace_conventions'])
+    except KeyError as error:
+        raise MalformedQosError(f'{error.args[0]} is missing') from None
+    return Qos(**settings, avoid_ros_namespace_conventions=avoids_conventions)
 
 
 def _quoted(setting: object) -> str:
     return printable(repr(setting))
 
 
-def _get(mapping: Mapping[str, Any], key: str) -> Any:
-    try:
-        return mapping[key]
-    except KeyError:
-        raise MalformedQosError(f'{key} is missing') from None
-
-
-def _word(mapping: Mapping[str, Any], key: str) -> str:
+def _word(words: Sequence[str], policy: Any) -> str:
     """Return a policy's word; 'unknown' for any other, as in rmw."""
-    policy = _get(mapping, key)
-    words = POLICIES[key]
     if isinstance(policy, int):
         return words[policy] if 0 <= policy < len(words) else 'unknown'
     return policy if policy in words else 'unknown'
 
 
 def _count(mapping: Mapping[str, Any], key: str) -> int:
-    count = _get(mapping, key)
+    count = mapping[key]
     if not isinstance(count, int) or count < 0:
         raise MalformedQosError(f'{key} is {_quoted(count)}, not a number from 0')
     return count
 
 
 def _duration(mapping: Mapping[str, Any], key: str) -> int:
-    time = _get(mapping, key)
+    time = mapping[key]
     if not isinstance(time, dict):
         raise MalformedQosError(f'{key} is {_quoted(time)}, not sec and nsec')
     sec = _count(time, 'sec')

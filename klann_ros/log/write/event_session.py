@@ -122,26 +122,6 @@ class _RunContext:
                 changes.popleft()
 
 
-class _StatusReporter:
-    """Passes success and messages on to the user, and remembers failures."""
-
-    def __init__(self, on_status: Callable[[bool, str], object]) -> None:
-        self.report = on_status
-        # The failure of the last event; '' without one.
-        self.failure = ''
-        self.has_failed = False
-
-    def report_success(self, text: str) -> None:
-        self.failure = ''
-        self.report(True, text)
-
-    def report_failure(self, text: str) -> None:
-        """Report an event that is missing or incomplete."""
-        self.failure = text
-        self.has_failed = True
-        self.report(False, text)
-
-
 class EventRun(RecordingSession):
     """
     A run that begins in the past, at a snapshot of the recording's drop counters.
@@ -218,7 +198,10 @@ class EventSession:
         self._folder = folder
         self._settings = settings
         self._open_run = open_run
-        self._status = _StatusReporter(on_status)
+        self._on_status = on_status
+        # The failure of the last event, '' without one, and whether any failed.
+        self._failure = ''
+        self._has_failed = False
         self._context = _RunContext(entries)
         duration = settings.pre_trigger + _FINDING_DELAY
         self._buffer = RingBuffer(
@@ -276,7 +259,7 @@ class EventSession:
             return True, f'{self._opening.path}, which a slow disk is still opening'
         if self._pending_triggers:
             return True, 'the run of the last event is being closed; this one follows'
-        return False, self._status.failure
+        return False, self._failure
 
     def tick(self) -> None:
         """Begin and end events; to be called every 0.1 s, and after changes."""
@@ -313,7 +296,7 @@ class EventSession:
         stage = 'opening the run of an event' if self._opening else 'waiting for a trigger'
         if self._event is not None:
             stage = 'recording an event'
-        failures = [self._status.failure] if self._status.failure else []
+        failures = [self._failure] if self._failure else []
         buffered = min(self._buffer.buffered_time(monotonic()), self._settings.pre_trigger)
         return replace(
             state,
@@ -345,7 +328,7 @@ class EventSession:
             return self.finish()
         runs = f'{counted(self._count, "event")} in {printable(self._folder)}'
         message = runs if self._count else 'no trigger occurred; nothing was written'
-        return not self._status.has_failed, message
+        return not self._has_failed, message
 
     def _open_event(self) -> None:
         """Open the run of the pending triggers."""
@@ -369,9 +352,8 @@ class EventSession:
         try:
             opened = opening.run.result()
         except (LogError, OSError) as error:
-            self._status.report_failure(
-                f'the event ({opening.causes[0].check}) is not recorded: {error}'
-            )
+            text = f'the event ({opening.causes[0].check}) is not recorded: {error}'
+            self._report_outcome(False, text)
         else:
             self._begin(opened, opening)
 
@@ -399,25 +381,28 @@ class EventSession:
             'evicted': str(buffer.evicted),
         }
         event.put_entry(lambda run: run.add_metadata(EVENT_RECORD, record))
-        self._status.report(True, f'{causes[0].check}: recording to {printable(event.path)}')
+        self._on_status(True, f'{causes[0].check}: recording to {printable(event.path)}')
         if buffer.evicted and buffered < pre_trigger:
             available = f'only {buffered:.1f} s of {pre_trigger:g} s before it'
-            self._status.report(False, f'{available} were still in memory (pre_trigger_bytes)')
+            self._on_status(False, f'{available} were still in memory (pre_trigger_bytes)')
 
     def _finalize(self, event: EventRun) -> None:
         """Wait for the end of a run, add its counts, and report its outcome."""
         if event.outcome is None:
             return
-        ok, message = event.outcome.result()
+        outcome = event.outcome.result()
         if event is self._closing:
             self._closing = None
         if event is self._event:
             self._event = None
         self._finished_counts = _add_counts(self._finished_counts, event.counts())
-        if ok:
-            self._status.report_success(message)
-        else:
-            self._status.report_failure(message)
+        self._report_outcome(*outcome)
+
+    def _report_outcome(self, ok: bool, text: str) -> None:
+        """Report an event that is complete; not ok if it is missing or incomplete."""
+        self._failure = '' if ok else text
+        self._has_failed = self._has_failed or not ok
+        self._on_status(ok, text)
 
 
 def _add_counts(stored: StoredCounts, counts: Mapping[str, TopicCount]) -> StoredCounts:
