@@ -114,17 +114,16 @@ def crank_motion(times: FloatArray, angles: FloatArray) -> Motion:
     increasing = np.flatnonzero(is_later)
     times = times[increasing]
     angles = angles[increasing]
-    # Rows of the moment, rate, acceleration and their errors.
-    fits = np.empty((5, 0))
-    chunks = [_fit_cubics(times, angles, *window) for window in _windows(times, angles)]
-    fits = np.concatenate([fits, *chunks], axis=1)
-    return Motion(increasing[fits[0].astype(np.int64)], *fits[1:])
+    moments, side = _windows(times, angles)
+    chunks = np.split(moments, range(CHUNK, len(moments), CHUNK))
+    fits = [_fit_cubics(times, angles, chunk, side) for chunk in chunks]
+    return Motion(increasing[moments], *np.concatenate(fits, axis=1))
 
 
-def _windows(times: FloatArray, angles: FloatArray) -> Iterator[tuple[IntArray, int]]:
-    """Yield moments whose windows have no gap, and the half width of these [samples]."""
+def _windows(times: FloatArray, angles: FloatArray) -> tuple[IntArray, int]:
+    """Return moments whose windows have no gap, and the half width of these [samples]."""
     if len(times) < 2 * MIN_SAMPLES + 1:
-        return
+        return np.empty(0, dtype=np.int64), MIN_SAMPLES
     steps = np.diff(times)
     period = float(np.median(steps))
     median_rotation = float(np.median(np.abs(np.diff(angles))))
@@ -134,13 +133,11 @@ def _windows(times: FloatArray, angles: FloatArray) -> Iterator[tuple[IntArray, 
     gap_counts = np.concatenate([[0], np.cumsum(steps > MAX_INTERVAL_RATIO * period)])
     moments = np.arange(side, len(times) - side)
     moments = moments[gap_counts[moments + side] == gap_counts[moments - side]]
-    moments = moments[:: max(1, -(-len(moments) // MAX_MOMENTS))]
-    for first in range(0, len(moments), CHUNK):
-        yield moments[slice(first, first + CHUNK)], side
+    return moments[:: max(1, -(-len(moments) // MAX_MOMENTS))], side
 
 
 def _fit_cubics(times: FloatArray, angles: FloatArray, moments: IntArray, side: int) -> FloatArray:
-    """Return moments with rate, acceleration and their errors, by cubics around them."""
+    """Return rates, accelerations and their errors by cubics around moments, shape (4, k)."""
     samples = moments[:, None] + np.arange(-side, side + 1)
     offsets = times[samples] - times[moments][:, None]
     scale = np.abs(offsets).max(axis=1)
@@ -151,15 +148,8 @@ def _fit_cubics(times: FloatArray, angles: FloatArray, moments: IntArray, side: 
     residuals = rotations - (powers @ coefficients[..., None])[..., 0]
     noise = np.sqrt((residuals**2).sum(axis=1) / (2 * side - 3))
     errors = noise[:, None] * np.sqrt(np.abs(np.diagonal(inverse, axis1=1, axis2=2)))
-    return np.stack(
-        [
-            moments.astype(np.float64),
-            coefficients[:, 1] / scale,
-            2.0 * coefficients[:, 2] / scale**2,
-            errors[:, 1] / scale,
-            2.0 * errors[:, 2] / scale**2,
-        ]
-    )
+    rates = [coefficients[:, 1] / scale, 2.0 * coefficients[:, 2] / scale**2]
+    return np.stack([*rates, errors[:, 1] / scale, 2.0 * errors[:, 2] / scale**2])
 
 
 def _seconds(stamps: IntArray, log_times: IntArray) -> FloatArray:

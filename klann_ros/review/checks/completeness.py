@@ -1,7 +1,7 @@
 """Check completeness: damage, lost messages, gaps and missing poses."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import chain, groupby
 from operator import attrgetter
 
@@ -350,11 +350,9 @@ def _simultaneous(gaps: list[Gap]) -> list[_Silence]:
     return silences
 
 
-def _describe_longest(
-    review: Review, silences: list[_Silence], noun: str, describe: Callable[[_Silence], str]
-) -> str:
+def _describe_longest(review: Review, silences: list[_Silence], noun: str, form: str) -> str:
     longest = max(silences, key=attrgetter('length'))
-    text = describe(longest)
+    text = form.format(longest.topics, longest.duration)
     if len(silences) > 1:
         begin = review.since_start(longest.begin)
         text = f'{len(silences)} {noun}; the longest: {text} at {begin:.3f} s'
@@ -362,23 +360,15 @@ def _describe_longest(
 
 
 def _restart(review: Review, restarts: list[_Silence]) -> Finding:
-    text = _describe_longest(
-        review,
-        restarts,
-        'restarts',
-        lambda silence: (
-            f'another publisher of {silence.topics} began {silence.duration} after the last'
-        ),
-    )
+    form = 'another publisher of {} began {} after the last'
+    text = _describe_longest(review, restarts, 'restarts', form)
     meaning = 'a node was shut down and started again; the time between is no gap'
     time = review.since_start(restarts[0].begin)
     return Finding('restart', Severity.NOTE, text, meaning, time)
 
 
 def _gap(review: Review, gaps: list[_Silence]) -> Finding:
-    text = _describe_longest(
-        review, gaps, 'gaps', lambda silence: f'nothing on {silence.topics} for {silence.duration}'
-    )
+    text = _describe_longest(review, gaps, 'gaps', 'nothing on {} for {}')
     count = _unanswered(review)
     if count:
         angles = verb(count, 'crank angle was', 'crank angles were')

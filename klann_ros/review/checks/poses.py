@@ -96,35 +96,18 @@ def check_poses(review: Review) -> Iterator[Finding]:
 
 def _poses(leg: ReviewedLeg, errors: PoseErrors, wrong: WrongPoses) -> Iterator[_Fault]:
     """Yield the faults of poses, by their angles."""
-    flipped = _by_up_to(np.degrees(errors.angle_errors), wrong.flipped, 'deg')
-    yield _Fault(
-        'nan',
-        wrong.not_finite,
-        ('has', 'have'),
-        'an angle that is not finite',
-        'solver_node never publishes such a pose: another node did',
-    )
-    yield _Fault(
-        'closure',
-        wrong.not_closed,
-        ('does', 'do'),
-        f'not close the loops{_by_up_to(1e3 * errors.residuals, wrong.not_closed, "mm")}',
-        _not_closed_meaning(leg.evaluated, wrong.not_closed),
-    )
-    yield _Fault(
-        'reach',
-        wrong.unreachable,
-        ('stands', 'stand'),
-        'at a crank angle that the leg cannot reach',
-        'the loops still close within the limit: the crank is at the end of its range',
-    )
-    yield _Fault(
-        'branch',
-        wrong.flipped,
-        ('is', 'are'),
-        f'in another assembly mode than the leg{flipped}',
-        _flipped_meaning(leg.evaluated, int(np.argmax(wrong.flipped))),
-    )
+    meaning = 'solver_node never publishes such a pose: another node did'
+    yield _Fault('nan', wrong.not_finite, ('has', 'have'), 'an angle that is not finite', meaning)
+    gap = _by_up_to(1e3 * errors.residuals, wrong.not_closed, 'mm')
+    meaning = _not_closed_meaning(leg.evaluated, wrong.not_closed)
+    yield _Fault('closure', wrong.not_closed, ('does', 'do'), f'not close the loops{gap}', meaning)
+    text = 'at a crank angle that the leg cannot reach'
+    meaning = 'the loops still close within the limit: the crank is at the end of its range'
+    yield _Fault('reach', wrong.unreachable, ('stands', 'stand'), text, meaning)
+    rotation = _by_up_to(np.degrees(errors.angle_errors), wrong.flipped, 'deg')
+    text = f'in another assembly mode than the leg{rotation}'
+    meaning = _flipped_meaning(leg.evaluated, int(np.argmax(wrong.flipped)))
+    yield _Fault('branch', wrong.flipped, ('is', 'are'), text, meaning)
 
 
 def _flipped_meaning(leg: LegRecording, first: int) -> str:
@@ -161,24 +144,17 @@ def _feet(
 ) -> Iterator[_Fault]:
     """Yield the faults of feet, by the angles of their poses."""
     not_finite = np.isinf(errors.foot_errors)
-    yield _Fault(
-        'nan',
-        not_finite,
-        ('is', 'are'),
-        'not finite',
-        'solver_node never publishes such a foot',
-    )
+    meaning = 'solver_node never publishes such a foot'
+    yield _Fault('nan', not_finite, ('is', 'are'), 'not finite', meaning)
     wrong = ~not_finite & (errors.foot_errors > limits.foot)
     if wrong.any():
         wrong &= ~_follow(leg, wrong_poses_)
     distance = _by_up_to(1e3 * errors.foot_errors, wrong, 'mm')
-    yield _Fault(
-        'foot',
-        wrong,
-        ('is', 'are'),
-        f'not at the position that the angles of their poses give{distance}',
-        'angles and foot contradict each other: the bent bodies, or GH, have other dimensions',
+    text = f'not at the position that the angles of their poses give{distance}'
+    meaning = (
+        'angles and foot contradict each other: the bent bodies, or GH, have other dimensions'
     )
+    yield _Fault('foot', wrong, ('is', 'are'), text, meaning)
 
 
 def _by_up_to(errors: FloatArray, flags: BoolArray, unit: str) -> str:

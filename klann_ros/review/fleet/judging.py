@@ -300,7 +300,8 @@ def judge_unordered(
 
 
 def _unreadable(task: Task, reason: object) -> Judged:
-    return Judged(unreadable_row(task.run.path, reason, task.settings, written(task.run)))
+    files = written(task.run)
+    return Judged(unreadable_row(task.run.path, reason, settings=task.settings, **files))
 
 
 def judge(task: Task) -> Judged:
@@ -323,7 +324,7 @@ def judge(task: Task) -> Judged:
     findings = (*review.findings, *task.expectations.unmet(review, baseline))
     review = replace(review, findings=findings)
     allowed_checks = task.expectations.allow
-    row = reviewed_row(task.run.path, review, allowed_checks, task.settings, files)
+    row = reviewed_row(task.run.path, review, allowed_checks, settings=task.settings, **files)
     return Judged(row, tuple(_write_outputs(task, review)))
 
 

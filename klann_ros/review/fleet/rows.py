@@ -67,26 +67,23 @@ NAMES = tuple(field.name for field in fields(Row))
 # By their kinds, for tables that have types.
 TEXTS = frozenset({'run', 'verdict', 'reason', 'findings', 'settings'})
 COUNTS = frozenset(field.name for field in fields(Row) if 'int' in str(field.type))
+# Figures of legs whose largest value a row has.
+_LARGEST_FIGURES = ('stride', 'lift', 'worst_residual', 'worst_angle_error', 'worst_foot_error')
 
 
-def unreadable_row(path: str, reason: object, settings: str, files: Mapping[str, int]) -> Row:
-    """Return the row of an unreadable run; `files` are size and modification, if known."""
+def unreadable_row(path: str, reason: object, **columns: Any) -> Row:
+    """Return the row of an unreadable run; `columns` are further ones."""
     run = printable(path)
     # The row has the path already.
-    text = printable_line(reason).removeprefix(f'{run} ')
-    size = files.get('size')
-    modified = files.get('modified')
-    return Row(run, UNREADABLE, text, size=size, modified=modified, settings=settings)
+    return Row(run, UNREADABLE, printable_line(reason).removeprefix(f'{run} '), **columns)
 
 
-def reviewed_row(
-    path: str,
-    review: Review,
-    allowed_checks: frozenset[str],
-    settings: str,
-    files: Mapping[str, int],
-) -> Row:
-    """Return the row of a reviewed run; findings of allowed checks do not count."""
+def reviewed_row(path: str, review: Review, allowed_checks: frozenset[str], **columns: Any) -> Row:
+    """
+    Return the row of a reviewed run; `columns` are further ones, such as its settings.
+
+    Findings of allowed checks do not count.
+    """
     findings = review.findings
     counted_findings = [finding for finding in findings if finding.check not in allowed_checks]
     faults = [finding for finding in counted_findings if finding.is_fault]
@@ -100,6 +97,10 @@ def reviewed_row(
     losses = [topic.lost for topic in topics if topic.lost is not None]
     periodic = [topic.figures for topic in review.recording.topics if topic.is_periodic]
     turns = _finite_figures(legs, 'turns')
+    transmission_angles = _finite_figures(legs, 'worst_transmission_angle')
+    largest: dict[str, Any] = {}
+    for name in _LARGEST_FIGURES:
+        largest[name] = max(_finite_figures(legs, name), default=None)
     return Row(
         run=printable(path),
         verdict=FINDINGS if faults else OK,
@@ -117,18 +118,10 @@ def reviewed_row(
         lost=sum(losses) if losses else None,
         longest_gap=max(filter(isfinite, (topic.longest_gap for topic in periodic)), default=None),
         turns=max(turns, key=abs, default=None),
-        stride=max(_finite_figures(legs, 'stride'), default=None),
-        lift=max(_finite_figures(legs, 'lift'), default=None),
-        worst_residual=max(_finite_figures(legs, 'worst_residual'), default=None),
-        worst_angle_error=max(_finite_figures(legs, 'worst_angle_error'), default=None),
-        worst_foot_error=max(_finite_figures(legs, 'worst_foot_error'), default=None),
-        worst_transmission_angle=min(
-            _finite_figures(legs, 'worst_transmission_angle'), default=None
-        ),
+        worst_transmission_angle=min(transmission_angles, default=None),
         findings=_findings_json(findings, allowed_checks),
-        settings=settings,
-        size=files.get('size'),
-        modified=files.get('modified'),
+        **largest,
+        **columns,
     )
 
 

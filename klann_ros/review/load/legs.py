@@ -319,9 +319,11 @@ class LegColumns:
             posed_legs = []
             driven_legs = []
             for index, leg in enumerate(legs):
-                if leg.namespace == namespace and leg.crank_pose_joint == joint:
+                if leg.namespace != namespace:
+                    continue
+                if leg.solver.published_joints(leg.name)[0] == joint:
                     posed_legs.append(index)
-                if leg.namespace == namespace and leg.solver.crank_joint == joint:
+                if leg.solver.crank_joint == joint:
                     driven_legs.append(index)
             if posed_legs or driven_legs:
                 drive_legs = tuple(posed_legs or driven_legs)

@@ -160,15 +160,7 @@ def topic_recordings(
     for name, count in recorded.items():
         is_lossy = count.lost or count.before_discovery or count.departed > 1
         if is_lossy and name not in names:
-            yield _lost_topic(name, count)
-
-
-def _lost_topic(name: str, count: TopicCount) -> TopicRecording:
-    """Return a topic none of whose messages is in the run."""
-    times = np.empty(0, dtype=np.int64)
-    latencies = np.empty(0, dtype=np.float32)
-    counts = count.lost, count.before_discovery, count.departed
-    return TopicRecording(name, '', times, latencies, *counts, dropped=count.dropped)
+            yield _topic(name, '', Reception(), count, unrecorded)
 
 
 @lru_cache(maxsize=64)

@@ -129,15 +129,14 @@ class Window:
 
     def _know(self, topic: Topic) -> None:
         """Add a topic; only topics of legs keep their data."""
-        if id(topic) not in self._channels:
-            number = len(self._channels)
-            if number > _MAX_CHANNEL:
-                raise ValueError(f'more than {_MAX_CHANNEL + 1} topics')
-            self._channels[id(topic)] = number, topic
-            self.types[topic.name] = topic.type
-            reading = reading_of(topic)
-            is_of_leg = reading is not None and reading.role in LEG_ROLES
-            self._topics[number] = topic if is_of_leg else Topic(topic.name, '')
+        number = len(self._channels)
+        if number > _MAX_CHANNEL:
+            raise ValueError(f'more than {_MAX_CHANNEL + 1} topics')
+        self._channels[id(topic)] = number, topic
+        self.types[topic.name] = topic.type
+        reading = reading_of(topic)
+        is_of_leg = reading is not None and reading.role in LEG_ROLES
+        self._topics[number] = topic if is_of_leg else Topic(topic.name, '')
 
 
 def _messages_since(block: MessageBlock, start_time: int) -> MessageBlock:

@@ -97,11 +97,6 @@ class LegRecording:
         """Return its title: '' for the unnamed leg in the root namespace."""
         return '/'.join(part for part in (self.namespace.lstrip('/'), self.name) if part)
 
-    @property
-    def crank_pose_joint(self) -> str:
-        """Return the name under which its crank's angle is published."""
-        return self.solver.published_joints(self.name)[0]
-
     def paired_feet(self) -> FloatArray:
         """Return the foot H of each pose, shape (n, 2) [m]; NaN where there is none."""
         feet = np.full((len(self.poses), 2), np.nan)
