@@ -36,7 +36,7 @@ _LIVE_SCRIPTS = 'space connection picture walker stage history drive tables live
 # In this order: each uses those above it.
 _SCRIPTS = (
     _UPLOT / 'uPlot.iife.min.js',
-    *(SHARED / f'{name}.js' for name in ('theme', 'drawing', 'solids', 'orbit', 'scene')),
+    *(SHARED / f'{name}.js' for name in ('theme', 'plot', 'drawing', 'solids', 'orbit', 'scene')),
     *(_STATIC_FILES / f'{name}.js' for name in _LIVE_SCRIPTS.split()),
 )
 _LIST_SCRIPT = SHARED / 'sortable.js'

@@ -8,7 +8,9 @@ const CHART_PERIOD = 200;
 const RATE_TIME = 0.2;
 // Averaging time of the crank's speed beside its slider [s].
 const SPEED_TIME = 0.5;
-const CHART_FONT = '12px system-ui, sans-serif';
+// Of the plots, and of the labels of their axes.
+const CHART_HEIGHT = 180;
+const LABEL_SIZE = 18;
 
 /** The received poses of a leg. */
 class Track {
@@ -71,47 +73,24 @@ class Track {
 }
 
 /** One chart over the last half minute. */
-class LiveChart {
+class LiveChart extends PlotFigure {
   constructor(holder, title, unit, lines) {
+    super(holder, 'card chart', title, `${title} over the last ${SPAN} s`);
     this.lines = lines;
-    this.figure = document.createElement('figure');
-    this.figure.className = 'card chart';
-    const heading = document.createElement('h3');
-    heading.textContent = title;
-    const legend = document.createElement('p');
-    legend.className = 'legend';
-    this.values = lines.map((line) => {
-      const name = document.createElement('span');
-      name.className = `key-line colour-${line.colour}`;
-      const value = document.createElement('b');
-      name.append(`${line.name} `, value);
-      legend.append(name);
-      return value;
-    });
-    this.canvas = document.createElement('div');
-    this.canvas.setAttribute('role', 'img');
-    this.canvas.setAttribute('aria-label', `${title} over the last ${SPAN} s`);
-    this.figure.append(heading, legend, this.canvas);
-    holder.append(this.figure);
-    const axis = (label, size) => ({
-      label,
-      size,
-      labelSize: 18,
-      labelFont: CHART_FONT,
-      font: CHART_FONT,
-      stroke: () => themeColour('quiet'),
-      grid: { stroke: () => themeColour('grid'), width: 1 },
-      ticks: { stroke: () => themeColour('grid'), width: 1, size: 4 },
-    });
-    this.plot = new uPlot(
+    this.values = lines.map(() => make('b', ''));
+    const names = lines.map(({ name }, i) => make('span', 'key-line', `${name} `, this.values[i]));
+    names.forEach((node, i) => (node.style.borderColor = `var(--body-${lines[i].colour})`));
+    this.canvas.before(make('p', 'legend', ...names));
+    const axes = [axis('s', 24), axis(unit, 48)];
+    this.draw(
       {
         width: this.width(),
-        height: 180,
+        height: CHART_HEIGHT,
         padding: [8, 10, 0, 0],
         legend: { show: false },
         cursor: { show: false },
         scales: { x: { time: false, range: [-SPAN, 0] } },
-        axes: [axis('s', 24), axis(unit, 48)],
+        axes: axes.map((each) => ({ ...each, labelSize: LABEL_SIZE })),
         series: [
           {},
           ...lines.map((line) => ({
@@ -123,16 +102,11 @@ class LiveChart {
         ],
       },
       [[], ...lines.map(() => [])],
-      this.canvas,
     );
-    new ResizeObserver(() => {
-      const width = this.width();
-      if (width !== this.plot.width) this.plot.setSize({ width, height: 180 });
-    }).observe(this.canvas);
   }
 
-  width() {
-    return Math.max(Math.floor(this.canvas.clientWidth), 200);
+  height() {
+    return CHART_HEIGHT;
   }
 
   show(times, columns) {

@@ -7,14 +7,6 @@ const SERVICE_LABELS = {
   pause: 'Pause', resume: 'Resume', split: 'New file', step: 'One message on', trigger: 'Keep this moment',
 };
 
-/** Make an element with texts or elements in it. */
-function make(name, className, ...content) {
-  const node = document.createElement(name);
-  if (className) node.className = className;
-  node.append(...content);
-  return node;
-}
-
 /** Return the pieces of a name, which may break between them. */
 function breakable(name) {
   return name.split(/(?<=_)/).flatMap((piece) => [piece, document.createElement('wbr')]);

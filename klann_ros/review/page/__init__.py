@@ -30,7 +30,7 @@ _OWN = Path(__file__).resolve().parent / 'static'
 _UPLOT = SHARED / 'uplot'
 # In this order: each uses those before it.
 _SCRIPTS = (
-    *('packed', 'leg', 'run', 'player', 'picture', 'walk_path', 'axes', 'legend', 'chart'),
+    *('packed', 'leg', 'run', 'player', 'picture', 'walk_path', 'legend', 'chart'),
     *('envelope', 'leg_charts', 'path_lines', 'path_chart', 'timing_chart', 'controls', 'page'),
 )
 PARTS = Parts(
@@ -44,7 +44,7 @@ PARTS = Parts(
     ),
     scripts=(
         _UPLOT / 'uPlot.iife.min.js',
-        *(SHARED / f'{name}.js' for name in ('theme', 'drawing')),
+        *(SHARED / f'{name}.js' for name in ('theme', 'plot', 'drawing')),
         *(_OWN / f'{name}.js' for name in _SCRIPTS),
     ),
 )

@@ -1,59 +1,17 @@
 'use strict';
 /* A chart of lines by uPlot, with its title, its legend, a sentence about it, and the moment. */
 
-const HEIGHT = 220;
 // Between the labels of a crank angle [deg].
 const CRANK_STEPS = [1, 2, 5, 10, 15, 30, 45, 90];
-const FONT = '12px system-ui, sans-serif';
 
-/** The base of all charts: a title, a plot as wide as its place, a sentence about it. */
-class PlotFigure {
+/** A chart with a sentence about it. */
+class DescribedFigure extends PlotFigure {
   constructor(holder, className, title, text) {
-    this.figure = document.createElement('figure');
-    this.figure.className = className;
-    const heading = document.createElement('h3');
-    heading.textContent = title;
-    this.canvas = document.createElement('div');
-    this.canvas.setAttribute('role', 'img');
-    this.canvas.setAttribute('aria-label', `${title}. ${text}`);
-    const caption = document.createElement('figcaption');
-    caption.textContent = text;
-    this.figure.append(heading, this.canvas, caption);
-    holder.append(this.figure);
-  }
-
-  draw(options, data) {
-    this.plot = new uPlot(options, data, this.canvas);
-    this.observer = new ResizeObserver(() => this.fit());
-    this.observer.observe(this.canvas);
-  }
-
-  width() {
-    return Math.max(Math.floor(this.canvas.clientWidth), 200);
-  }
-
-  height() {
-    return HEIGHT;
-  }
-
-  fit() {
-    const width = this.width();
-    if (width !== this.plot.width) this.plot.setSize({ width, height: this.height() });
-  }
-
-  redraw() {
-    this.fit();
-    this.plot.redraw(false, true);
-  }
-
-  remove() {
-    this.observer.disconnect();
-    this.plot.destroy();
-    this.figure.remove();
+    super(holder, className, title, `${title}. ${text}`, make('figcaption', '', text));
   }
 }
 
-class Chart extends PlotFigure {
+class Chart extends DescribedFigure {
   /**
    * Make a chart.
    *
@@ -77,8 +35,7 @@ class Chart extends PlotFigure {
     this.legend = new Legend(settings, (line, isShown) => this.show(line, isShown));
     this.canvas.before(this.legend.node);
     this.draw(this.options(), settings.data);
-    this.now = document.createElement('div');
-    this.now.className = 'now';
+    this.now = make('div', 'now');
     this.plot.over.append(this.now);
     this.x = NaN;
     pickByClick(this.plot, (u) => this.onPick(u.posToVal(u.cursor.left, 'x')));

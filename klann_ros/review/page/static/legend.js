@@ -5,18 +5,15 @@
 class Legend {
   constructor(settings, onToggle) {
     this.settings = settings;
-    this.node = document.createElement('div');
-    this.node.className = 'legend';
+    this.node = make('div', 'legend');
     this.values = settings.lines.map((line, i) => this.entry(line, i, onToggle));
   }
 
   entry(line, i, onToggle) {
-    const button = document.createElement('button');
+    const value = make('span', 'value');
+    const button = make('button', '', swatch(line), line.name, value);
     button.type = 'button';
     button.setAttribute('aria-pressed', String(!line.isHidden));
-    const value = document.createElement('span');
-    value.className = 'value';
-    button.append(swatch(line), document.createTextNode(line.name), value);
     button.addEventListener('click', () => {
       const isShown = button.getAttribute('aria-pressed') !== 'true';
       button.setAttribute('aria-pressed', String(isShown));
@@ -54,6 +51,16 @@ function nearby(column, index) {
 function number(value, settings) {
   if (!Number.isFinite(value)) return '–';
   return settings.isLog ? value.toExponential(1) : fixedText(value, settings.digits);
+}
+
+/** Return the names of lines beside their colours and dashes. */
+function namesOf(lines) {
+  const names = lines.map(({ name, colour, dash }) => {
+    const mark = swatch({ colour: 0, dash });
+    mark.firstChild.setAttribute('class', `ink-${colour}`);
+    return make('span', '', mark, name);
+  });
+  return make('div', 'legend', ...names);
 }
 
 function swatch(line) {

@@ -110,12 +110,11 @@ class Page {
     const holder = document.getElementById('legs');
     holder.hidden = false;
     this.small = legs.map((leg) => {
-      const button = document.createElement('button');
-      button.type = 'button';
-      button.dataset.leg = leg.title;
       const svg = document.createElementNS(SVG, 'svg');
       svg.setAttribute('aria-hidden', 'true');
-      button.append(svg, document.createTextNode(leg.title || 'unnamed'));
+      const button = make('button', '', svg, leg.title || 'unnamed');
+      button.type = 'button';
+      button.dataset.leg = leg.title;
       button.addEventListener('click', () => this.choose(leg.title));
       holder.append(button);
       return new Picture(svg, leg, null, { small: true });

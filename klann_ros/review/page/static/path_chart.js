@@ -7,7 +7,7 @@ const PATH_HEIGHT = 380;
 const exactly = (u, min, max) => [min, max];
 const inMillimetres = (u, splits) => splits.map((metres) => Number((1000 * metres).toPrecision(6)));
 
-class PathChart extends PlotFigure {
+class PathChart extends DescribedFigure {
   /** Make the chart for legs, one of each run; `onPick` gets the time of the row clicked at. */
   constructor(holder, legs, onPick) {
     const text = legs
@@ -17,12 +17,10 @@ class PathChart extends PlotFigure {
     this.legs = legs;
     this.lines = legs.flatMap((leg, run) => pathLines(leg, run, legs.length > 1));
     this.extent = extentOf(this.lines);
-    this.canvas.before(pathLegend(this.lines));
+    this.canvas.before(namesOf(this.lines));
     this.draw(this.options(), [null, ...this.lines.map((line) => line.data)]);
-    this.now = document.createElement('div');
-    this.now.className = 'now-point';
-    this.hover = document.createElement('output');
-    this.hover.className = 'hover';
+    this.now = make('div', 'now-point');
+    this.hover = make('output', 'hover');
     this.plot.over.append(this.now, this.hover);
     this.row = -1;
     pickByClick(this.plot, () => this.pick(onPick));

@@ -31,19 +31,6 @@ function pathLines(leg, run, isOneOfTwo) {
   return lines;
 }
 
-function pathLegend(lines) {
-  const node = document.createElement('div');
-  node.className = 'legend';
-  for (const line of lines) {
-    const entry = document.createElement('span');
-    const mark = swatch({ colour: 0, dash: line.dash });
-    mark.firstChild.setAttribute('class', `ink-${line.colour}`);
-    entry.append(mark, document.createTextNode(line.name));
-    node.append(entry);
-  }
-  return node;
-}
-
 function extentOf(lines) {
   const box = { left: Infinity, right: -Infinity, bottom: Infinity, top: -Infinity };
   for (const {

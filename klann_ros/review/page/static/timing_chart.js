@@ -38,7 +38,7 @@ class TimingCharts {
   }
 }
 
-class HistogramChart extends PlotFigure {
+class HistogramChart extends DescribedFigure {
   constructor(holder, title, histograms) {
     super(holder, 'card chart', title, histograms.map((each) => each.text).join(' '));
     this.draw(this.options(histograms), table(histograms));

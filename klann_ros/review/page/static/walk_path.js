@@ -9,35 +9,21 @@ class WalkPath {
   constructor(holder, data, number) {
     this.lines = data.lines.map((line) => ({
       name: line.name,
+      colour: COLOURS[line.name],
+      dash: line.name === 'odometry' ? [] : [6, 4],
       times: unpacked(line.times),
       at: line.at.map(unpacked),
       yaw: unpacked(line.yaw),
     }));
-    const figure = document.createElement('figure');
-    figure.className = 'card';
     const svg = document.createElementNS(SVG, 'svg');
-    const caption = document.createElement('figcaption');
+    const text = `${data.text}. A square is where it began, the arrow where it is.`;
+    const caption = make('figcaption', '', text);
     caption.id = `walk-text-${number}`;
-    caption.textContent = `${data.text}. A square is where it began, the arrow where it is.`;
     svg.setAttribute('class', 'walk-path');
     svg.setAttribute('role', 'img');
     svg.setAttribute('aria-labelledby', caption.id);
-    figure.append(this.legend(), svg, caption);
-    holder.append(figure);
+    holder.append(make('figure', 'card', namesOf(this.lines), svg, caption));
     this.draw(svg);
-  }
-
-  legend() {
-    const node = document.createElement('div');
-    node.className = 'legend';
-    for (const { name } of this.lines) {
-      const entry = document.createElement('span');
-      const mark = swatch({ colour: 0, dash: name === 'odometry' ? [] : [6, 4] });
-      mark.firstChild.setAttribute('class', `ink-${COLOURS[name]}`);
-      entry.append(mark, document.createTextNode(name));
-      node.append(entry);
-    }
-    return node;
   }
 
   draw(svg) {
@@ -46,10 +32,10 @@ class WalkPath {
     const size = scaleBar(this.drawing);
     // The ground truth below, so that odometry is seen where they agree.
     [...this.lines.keys()].reverse().forEach((i) => {
-      const { name } = this.lines[i];
-      const kind = `walk-line ink-${COLOURS[name]} ${name === 'odometry' ? '' : 'walk-truth'}`;
+      const { name, colour } = this.lines[i];
+      const kind = `walk-line ink-${colour} ${name === 'odometry' ? '' : 'walk-truth'}`;
       this.drawing.add('path', kind).setAttribute('d', this.drawing.line(points[i]));
-      this.lines[i].mark = this.drawing.add('path', `robot ink-${COLOURS[name]}`);
+      this.lines[i].mark = this.drawing.add('path', `robot ink-${colour}`);
       this.lines[i].mark.setAttribute('d', ROBOT);
     });
     const [x, y] = this.drawing.at([0, 0]);
