@@ -41,17 +41,16 @@ def _import(options: argparse.Namespace) -> int:
     if options.output is not None:
         output.check([options.source, *sidecars])
     text, name = _source(options.source)
-    sidecar = next(filter(is_regular_file, sidecars), None) if '<robot' in text else None
-    loops = '' if sidecar is None else _source(sidecar)[0]
+
+    def read_loops() -> str:
+        sidecar = next(filter(is_regular_file, sidecars), None)
+        return '' if sidecar is None else _source(sidecar)[0]
+
     try:
-        joints = read_joints(text, options.form, UNITS[options.unit], loops)
+        joints = read_joints(text, options.form, UNITS[options.unit], read_loops)
         content = linkage_content(joints, options.crank, options.foot)
-        title = Path(name).stem if Path(name).suffix else 'Imported linkage'
-        header = {
-            'name': title[:150],
-            'source': f'imported from {name}',
-            'units': {'length': 'mm'},
-        }
+        title = Path(name).stem[:150] if Path(name).suffix else 'Imported linkage'
+        header = {'name': title, 'source': f'imported from {name}', 'units': {'length': 'mm'}}
         yaml = f'{dump({**header, **content}, flow_style=None)}\n'
         linkage_from_text(yaml, name)
     except (MechanismError, LinkageFileError, OverflowError) as error:
@@ -82,7 +81,7 @@ def _source(source: str) -> tuple[str, str]:
 
 
 def _parser() -> ArgumentParser:
-    forms = '\n'.join(f'  {form:8}  {description}' for form, (_, description) in FORMS.items())
+    forms = '\n'.join(f'  {form:8}  {description}' for form, (*_, description) in FORMS.items())
     parser = ArgumentParser('import_linkage', DESCRIPTION + forms, EPILOG)
     add = parser.add_argument
     add('source', metavar='SOURCE', help='a file, -, or a text')

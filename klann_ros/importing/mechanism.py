@@ -1,6 +1,6 @@
 """A mechanism as joints and links, as other programs describe it, and its linkage file."""
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 import re
@@ -12,6 +12,8 @@ from klann_ros.sanitize.text import did_you_mean, listed
 
 PIN, SLIDER, PIN_IN_SLOT = 'R', 'P', 'RP'
 MAX_JOINTS, MAX_LINKS, MAX_NAME_LENGTH = 200, 60, 40
+# The points of each link, and their positions [mm].
+Points = dict[str, dict[str, complex]]
 
 
 class MechanismError(ValueError):
@@ -45,41 +47,42 @@ class Joint:
 
 def linkage_content(joints: Sequence[Joint], crank: str = '', foot: str = '') -> dict[str, Any]:
     """
-    Return the content of a linkage file, by points in mm.
+    Return the content of a linkage file, by points in mm; a MechanismError says why there is none.
 
-    The crank and the foot are chosen by their names in the text, or as the text has them. A
-    MechanismError says why it is no linkage with one crank on the ground.
+    The crank and the foot are chosen by their names in the text, or as the text has them.
     """
     links = dict.fromkeys(link for joint in joints[:MAX_JOINTS] for link in joint.links)
     if not 0 < len(joints) <= MAX_JOINTS or len(links) > MAX_LINKS:
         raise MechanismError(f'1 to {MAX_JOINTS} joints of at most {MAX_LINKS} links are read')
     names = _valid_names([joint.name for joint in joints], 'P')
     link_names = _valid_names(links, 'link')
-    named = [replace(joint, name=names[joint.name]).renamed(link_names) for joint in joints]
-    joints = _merge_rigid_links(named)
+    joints = [replace(joint, name=names[joint.name]).renamed(link_names) for joint in joints]
+    joints = _merge_rigid_links(joints)
     pivot, crank = _pivot_and_crank(joints, link_names.get(crank, crank))
-    positions = {joint.name: joint.position for joint in joints}
-    points: dict[str, list[str]] = {GROUND: [], crank: [pivot.name]}
+    points: Points = {GROUND: {}, crank: {pivot.name: pivot.position}}
     for joint in joints:
         # A slider's point may be another joint of its link.
         for link in joint.pinned if joint.kind != SLIDER else ():
-            if joint.name not in points.setdefault(link, []):
-                points[link].append(joint.name)
-    slides = _slides(joints, {GROUND, crank}, points, positions)
+            points.setdefault(link, {})[joint.name] = joint.position
+    slides = _slides(joints, crank, points)
     bodies: dict[str, Any] = {}
+    places = {**points[GROUND]}
     for link, members in points.items():
         if link in slides:
-            bodies[link] = {'slides': slides[link], 'points': members}
+            bodies[link] = {'slides': slides[link], 'points': [*members]}
         elif link != GROUND and len(members) > 1:  # else it is a point
-            bodies[link] = members
-    used = {*points[GROUND]}.union(*(points[link] for link in bodies))
-    places = {name: [at.real, at.imag] for name, at in positions.items() if name in used}
+            bodies[link] = [*members]
+        places |= members if link in bodies else {}
+    order = dict.fromkeys([*(joint.name for joint in joints), *places])
+    coordinates = {
+        name: [places[name].real, places[name].imag] for name in order if name in places
+    }
     if foot and names.get(foot, foot) not in places:
-        hint = f'there are {listed(places)}{did_you_mean(foot, places)}'
+        hint = f'there are {listed(coordinates)}{did_you_mean(foot, places)}'
         raise MechanismError(f'the foot {listed([foot])} is no joint: {hint}')
     foot = names.get(foot, foot) or _likely_foot(joints, points, crank)
-    named_parts = {'ground': points[GROUND], 'crank': crank, 'foot': foot}
-    return {'points': places, **named_parts, 'links': bodies}
+    named_parts = {'ground': [*points[GROUND]], 'crank': crank, 'foot': foot}
+    return {'points': coordinates, **named_parts, 'links': bodies}
 
 
 def _valid_names(names: Iterable[str], prefix: str) -> dict[str, str]:
@@ -131,7 +134,7 @@ def _pivot_and_crank(joints: Sequence[Joint], crank: str) -> tuple[Joint, str]:
     return pivots[crank], crank
 
 
-def _likely_foot(joints: Sequence[Joint], points: Mapping[str, Sequence[str]], crank: str) -> str:
+def _likely_foot(joints: Sequence[Joint], points: Points, crank: str) -> str:
     """Return the name of a traced point, or of a point of one link, and not of the crank."""
     ranks = {'nothing': (False, False, False)}
     for joint in joints:
@@ -141,37 +144,31 @@ def _likely_foot(joints: Sequence[Joint], points: Mapping[str, Sequence[str]], c
     return max(reversed(ranks), key=lambda name: ranks[name])
 
 
-def _slides(
-    joints: Sequence[Joint],
-    fixed: Container[str],
-    points: dict[str, list[str]],
-    positions: dict[str, complex],
-) -> dict[str, dict[str, str]]:
-    """Return the line of each link that slides, and add its points: see `linkage_content`."""
+def _slides(joints: Sequence[Joint], crank: str, points: Points) -> dict[str, dict[str, str]]:
+    """Return the line of each link that slides, and add its points to those of the links."""
     slides: dict[str, dict[str, str]] = {}
     # Lines on the ground come first: nothing else can carry them.
     for joint in sorted(joints, key=lambda joint: GROUND not in joint.links):
         if joint.kind == PIN:
             continue
         carrier, slider, *further = joint.links
+        guided = {GROUND, crank, *slides}
         if joint.kind == PIN_IN_SLOT:
             # A block, which has no other point.
             slider = f'block__{joint.name}'
-            points[slider] = [joint.name]
-        elif slider in fixed or slider in slides:
+            points[slider] = {joint.name: joint.position}
+        elif slider in guided:
             carrier, slider = slider, carrier
-        if slider in fixed or slider in slides or (further and joint.kind == SLIDER):
+        if slider in guided or (further and joint.kind == SLIDER):
             raise MechanismError(f'{listed(joint.links)} slide in more than one way')
-        members = points.setdefault(slider, [])
-        same_place = [name for name in members if positions[name] == joint.position]
+        members = points.setdefault(slider, {})
         name = joint.name if slider in joint.pinned else f'{joint.name}__slide'
-        name = next(iter(same_place), name)
+        name = next((n for n, place in members.items() if place == joint.position), name)
         # The point that slides is the first.
-        members[:] = [name, *(point for point in members if point != name)]
-        line = f'{joint.name}__line'
-        points.setdefault(carrier, []).append(line)
+        points[slider] = {name: joint.position, **members}
         # Farther than any joint, so that it is in no other's place.
         length = 1.1 * max(abs(other.position - joint.position) for other in joints)
-        positions |= {name: joint.position, line: joint.position - length * joint.direction}
+        line = f'{joint.name}__line'
+        points.setdefault(carrier, {})[line] = joint.position - length * joint.direction
         slides[slider] = {'along': carrier, 'from': line, 'to': name}
     return slides

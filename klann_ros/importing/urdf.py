@@ -1,7 +1,10 @@
 """The planar linkage in a URDF, whose loops are in `loop_closures.yaml`, as pins and sliders."""
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from operator import itemgetter
 import re
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -20,26 +23,20 @@ _KINDS = {'revolute': PIN, 'continuous': PIN, 'prismatic': SLIDER}
 _MAX_SINE = 1e-3  # of the angle of parallel axes
 _MAX_GAP, _SAME_PLACE = 1e-3, 1e-6  # in sizes of the robot
 _MAX_NUMBER, _MIN_AXIS = 1e6, 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class _Frame:
-    """The frame of a link at joint zero, in the root's, and the first of its fixed links."""
-
-    position: FloatArray  # [m]
-    rotation: FloatArray
-    body: str
+# The pose of each link at joint zero in the root's frame [m], shape (4, 4), and the first of the
+# links that are fixed to it.
+Frames = dict[str, tuple[FloatArray, str]]
 
 
 @dataclass(frozen=True, eq=False)
 class _Hinge:
-    """A joint of two bodies in space; the axis of a ball is zero."""
+    """A joint of two bodies in space, or a frame of one; the axis of a ball is zero."""
 
     name: str
-    kind: str
     bodies: tuple[str, ...]
     position: FloatArray  # [m]
     axis: FloatArray
+    kind: str = PIN
 
 
 def xml_root(text: str, tag: str) -> ET.Element:
@@ -66,141 +63,133 @@ def read_urdf(text: str, loops: str) -> list[Joint]:
     elements = root.findall('joint')
     if not 0 < len(elements) <= MAX_JOINTS:
         raise MechanismError(f'it has {len(elements)} joints: 1 to {MAX_JOINTS} are read')
-    closures = load(loops) or {}
+    # A key without a value has None.
+    closures = defaultdict(tuple, filter(itemgetter(1), (load(loops) or {}).items()))
     frames = _frames(elements)
-    size = float(np.ptp([frame.position for frame in frames.values()], axis=0).max())
-    loop_hinges = list(_loop_hinges(closures, frames, _MAX_GAP * size))
+    size = float(np.ptp([pose[:3, 3] for pose, _ in frames.values()], axis=0).max())
+    loop_hinges = [*_loop_hinges(closures, frames, _MAX_GAP * size)]
     if not loop_hinges:
         reason = 'has no closures or pin_loops' if loops else 'is missing beside it or in config'
         raise MechanismError(f'it is open: {SIDECAR} {reason}')
     hinges = [*_tree_hinges(elements, frames, closures), *loop_hinges]
-    driven = closures.get('independent') or closures.get('actuated_joints') or ()
+    names = {hinge.name for hinge in hinges}
+    for link, (pose, body) in frames.items():
+        if body != GROUND:
+            name = link if link not in names else f'{link}_frame'
+            hinges.append(_Hinge(name, (body,), pose[:3, 3], np.zeros(3)))
+    driven = closures['independent'] or closures['actuated_joints']
     joints: list[Joint] = []
-    for joint in _planar_joints(hinges, frames, driven):
+    for joint in _planar_joints(hinges):
         # A pin of several links has a joint for each pair in a URDF; a frame may be at a pin.
+        is_driven = joint.name in driven
         for number, earlier in enumerate(joints):
             distance = 1e-3 * abs(earlier.position - joint.position)
             is_pin = joint.kind == earlier.kind == PIN
             if is_pin and distance <= _SAME_PLACE * size and {*joint.links} & {*earlier.links}:
-                merged = replace(earlier, links=(*earlier.links, *joint.links)).renamed({})
-                joints[number] = replace(merged, is_driven=joint.is_driven or earlier.is_driven)
+                links = (*earlier.links, *joint.links)
+                is_driven |= earlier.is_driven
+                joints[number] = replace(earlier, links=links, is_driven=is_driven)
                 break
         else:
-            joints.append(joint)
+            joints.append(replace(joint, is_driven=is_driven))
     return joints
 
 
-def _frames(elements: Sequence[ET.Element]) -> dict[str, _Frame]:
+def _frames(elements: Sequence[ET.Element]) -> Frames:
     """Return the frames of all links, from the root on."""
-    children: dict[str, list[ET.Element]] = {}
+    joints: dict[str, list[ET.Element]] = defaultdict(list)
     for element in elements:
-        children.setdefault(_link(element, 'parent'), []).append(element)
-    links = [link for link in children if link not in {_link(e, 'child') for e in elements}]
+        joints[_link(element, 'parent')].append(element)
+    links = [link for link in joints if link not in {_link(e, 'child') for e in elements}]
     if len(links) != 1:
         raise MechanismError(f'it has {len(links)} roots instead of one: {listed(links)}')
-    frames = {links[0]: _Frame(np.zeros(3), np.eye(3), GROUND)}
+    frames: Frames = {links[0]: (np.eye(4), GROUND)}
     for parent in links:
-        frame = frames[parent]
-        for element in children.get(parent, ()):
+        parent_pose, body = frames[parent]
+        for element in joints[parent]:
             child = _link(element, 'child')
             if child in frames:
                 raise MechanismError(f'the link {printable(child, 60)} has two parents')
+            pose = np.eye(4)
             roll, pitch, yaw = _vector(element, 'origin', 'rpy')
-            position = frame.position + frame.rotation @ _vector(element, 'origin', 'xyz')
-            rotation = frame.rotation @ Mount(rpy=(roll, pitch, yaw)).rotation
+            pose[:3, :3] = Mount(rpy=(roll, pitch, yaw)).rotation
+            pose[:3, 3] = _vector(element, 'origin', 'xyz')
             moving_body = child if child != GROUND else f'{child}_link'
-            body = frame.body if element.get('type') == 'fixed' else moving_body
-            frames[child] = _Frame(position, rotation, body)
+            is_fixed = element.get('type') == 'fixed'
+            frames[child] = (parent_pose @ pose, body if is_fixed else moving_body)
             links.append(child)
     return frames
 
 
 def _tree_hinges(
-    elements: Sequence[ET.Element], frames: Mapping[str, _Frame], closures: Mapping[str, Any]
+    elements: Sequence[ET.Element], frames: Frames, closures: Mapping[str, Any]
 ) -> Iterator[_Hinge]:
     """Yield the moving joints of a URDF."""
-    # A <mimic> of scikit-robot repeats what a loop determines.
-    dependent = closures.get('dependent') or ()
     for element in elements:
         name, kind = element.attrib['name'], element.get('type', '')
         text = f'the joint {printable(name, 60)}'
-        if element.find('mimic') is not None and name not in dependent:
+        # A <mimic> of scikit-robot repeats what a loop determines.
+        if element.find('mimic') is not None and name not in closures['dependent']:
             raise MechanismError(f'{text} has <mimic>, which no linkage file describes')
-        if name in (closures.get('ball_upgrades') or ()):
+        if name in closures['ball_upgrades']:
             raise MechanismError(f'{text} is a ball: only planar robots are read')
         if kind == 'fixed':
             continue
         if kind not in _KINDS:
             raise MechanismError(f'{text} is {printable(kind, 60)}, not {listed(_KINDS)}')
-        frame = frames[_link(element, 'child')]
-        bodies = (frames[_link(element, 'parent')].body, frame.body)
+        pose, body = frames[_link(element, 'child')]
         axis = _vector(element, 'axis', 'xyz', '1 0 0')
         if np.linalg.norm(axis) < _MIN_AXIS:
             raise MechanismError(f'{text} has no axis')
-        yield _Hinge(name, _KINDS[kind], bodies, frame.position, frame.rotation @ axis)
+        bodies = (frames[_link(element, 'parent')][1], body)
+        yield _Hinge(name, bodies, pose[:3, 3], pose[:3, :3] @ axis, _KINDS[kind])
 
 
-def _loop_hinges(
-    closures: Mapping[str, Any], frames: Mapping[str, _Frame], max_gap: float
-) -> Iterator[_Hinge]:
+def _loop_hinges(closures: Mapping[str, Any], frames: Frames, max_gap: float) -> Iterator[_Hinge]:
     """Yield the joints that close loops, whose ends may be `max_gap` apart [m]."""
-    loops: list[dict[str, Any]] = []
+    loops: list[Any] = []
     for key in ('closures', 'pin_loops', 'ball_loops'):
-        loops += closures.get(key) or ()
+        loops += closures[key]
     for number, loop in enumerate(loops[:MAX_JOINTS], 1):
         name = str(loop.get('name', f'loop{number}'))
         ends = [loop.get('link_a') or loop['parent'], loop.get('link_b') or loop['child']]
         if unknown := [link for link in ends if link not in frames]:
             raise MechanismError(f'{SIDECAR} joins {listed(unknown)}, which no joint has')
-        parent, child = (frames[link] for link in ends)
+        (pose, body), (child_pose, child_body) = (frames[link] for link in ends)
+        # A `point`, and its axis, are in the root's frame.
+        pose = np.eye(4) if 'point' in loop else pose
+        position = _position(pose, loop.get('point') or loop['parent_xyz'])
         axis = _numbers(loop.get('axis', (0.0, 0.0, 0.0)))
-        axis = axis * (np.linalg.norm(axis) > _MIN_AXIS)
-        if 'point' in loop:
-            yield _Hinge(name, PIN, (parent.body, child.body), _numbers(loop['point']), axis)
-            continue
-        position = parent.position + parent.rotation @ _numbers(loop['parent_xyz'])
-        child_position = child.position + child.rotation @ _numbers(loop['child_xyz'])
-        gap = float(np.linalg.norm(child_position - position))
-        if gap > max_gap:
-            raise MechanismError(f'{listed([name])} is {gap:.3g} m open at joint zero')
-        yield _Hinge(name, PIN, (parent.body, child.body), position, parent.rotation @ axis)
+        axis = pose[:3, :3] @ axis * (np.linalg.norm(axis) > _MIN_AXIS)
+        if 'point' not in loop:
+            gap = np.linalg.norm(_position(child_pose, loop['child_xyz']) - position)
+            if gap > max_gap:
+                raise MechanismError(f'{listed([name])} is {gap:.3g} m open at joint zero')
+        yield _Hinge(name, (body, child_body), position, axis)
 
 
-def _planar_joints(
-    hinges: Sequence[_Hinge], frames: Mapping[str, _Frame], driven: Container[str]
-) -> Iterator[Joint]:
-    """Yield joints, and frames of moving links, in the plane across the pins' axes [mm]."""
+def _planar_joints(hinges: Sequence[_Hinge]) -> Iterator[Joint]:
+    """Yield joints in the plane across the pins' axes [mm]."""
     pins = [hinge for hinge in hinges if hinge.kind == PIN and hinge.axis.any()]
     if not pins:
         raise MechanismError('it has no revolute joint')
-    first = pins[0]
-    normal = first.axis / np.linalg.norm(first.axis)
-    # z is up, or y of a horizontal plane.
-    vertical = np.array([0.0, 0.0, 1.0] if abs(normal[2]) < 0.5 else [0.0, 1.0, 0.0])
-    right = np.cross(vertical, normal)
-    right /= np.linalg.norm(right) * (1.0 if right.sum() > 0.0 else -1.0)
-    up = np.cross(normal, right)
-    up *= 1.0 if up @ vertical > 0.0 else -1.0
-
-    def project(vector: FloatArray, digits: int = 15) -> complex:
-        return complex(*np.round([right @ vector, up @ vector], digits))
-
+    normal = pins[0].axis / np.linalg.norm(pins[0].axis)
+    # z is up, or y of a horizontal plane; the right is that of the first axes.
+    up = np.array([0.0, 0.0, 1.0] if abs(normal[2]) < 0.5 else [0.0, 1.0, 0.0])
+    up -= up @ normal * normal
+    up /= np.linalg.norm(up)
+    right = np.cross(up, normal)
+    right *= 1.0 if right.sum() > 0.0 else -1.0
     for hinge in hinges:
+        x, y = np.round(1000.0 * np.array([right, up]) @ hinge.position, 9)
+        length = float(np.linalg.norm(hinge.axis)) or 1.0
+        direction = complex(*np.round(np.array([right, up]) @ hinge.axis / length, 15))
         # A slider is across the normal, a pin along it.
-        along = float(hinge.axis @ normal)
-        deviation = abs(along if hinge.kind == SLIDER else project(hinge.axis))
-        length = float(np.linalg.norm(hinge.axis))
-        if deviation > _MAX_SINE * length:
-            names = listed([first.name, hinge.name])
+        sine = hinge.axis @ normal / length if hinge.kind == SLIDER else direction
+        if abs(sine) > _MAX_SINE:
+            names = listed([pins[0].name, hinge.name])
             raise MechanismError(f'{names} move in different planes: only planar robots are read')
-        joint = Joint(hinge.name, project(1000.0 * hinge.position, 9), hinge.bodies, hinge.kind)
-        joint = replace(joint, is_driven=hinge.name in driven)
-        yield replace(joint, direction=project(hinge.axis) / (length or 1.0)).renamed({})
-    hinge_names = {hinge.name for hinge in hinges}
-    for link, frame in frames.items():
-        if frame.body != GROUND:
-            name = link if link not in hinge_names else f'{link}_frame'
-            yield Joint(name, project(1000.0 * frame.position, 9), (frame.body,))
+        yield Joint(hinge.name, complex(x, y), hinge.bodies, hinge.kind, direction)
 
 
 def _link(element: ET.Element, tag: str) -> str:
@@ -212,13 +201,16 @@ def _vector(element: ET.Element, tag: str, key: str, default: str = '0 0 0') -> 
     return _numbers((default if part is None else part.get(key, default)).split())
 
 
+def _position(pose: FloatArray, values: Sequence[Any]) -> FloatArray:
+    """Return a position in a frame in the root's [m]."""
+    return np.asarray(pose[:3, :3] @ _numbers(values) + pose[:3, 3])
+
+
 def _numbers(values: Sequence[Any]) -> FloatArray:
     """Return three numbers; a MechanismError for anything else."""
-    try:
+    with suppress(OverflowError, TypeError, ValueError):
         vector = np.array(values, dtype=np.float64)
         if vector.shape == (3,) and np.abs(vector).max() <= _MAX_NUMBER:
             return vector
-    except (OverflowError, TypeError, ValueError):
-        pass
     text = printable(values, 60)
     raise MechanismError(f'{text} is not three numbers up to {_MAX_NUMBER:g}')
