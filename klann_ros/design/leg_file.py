@@ -8,13 +8,13 @@ from klann_ros.dynamics import ASSUMED_DENSITY
 from klann_ros.kinematics import (
     content_with_numbers,
     foot_path,
-    LENGTH_UNITS,
     Linkage,
     linkage_from_text,
     linkage_poses,
     LinkageLeg,
     NUMBER_DIGITS,
     NUMBERS,
+    units_of,
 )
 from klann_ros.robot import RobotLeg
 from klann_ros.sanitize.yaml_text import dump, parameter_file
@@ -41,9 +41,7 @@ def with_numbers(leg: RobotLeg, linkage: Linkage) -> RobotLeg:
         numbers = {name: round(linkage.dimensions[name], NUMBER_DIGITS) for name in NUMBERS}
         return RobotLeg('', linkage.varied(numbers), masses=leg.masses)
     content = content_with_numbers(leg.description, linkage)
-    units = content.get('units', {})
-    metre = LENGTH_UNITS[units.get('length', 'm')]
-    radian = pi / 180.0 if units.get('angle', 'rad') == 'deg' else 1.0
+    metre, radian = units_of(content)
     if linkage.is_dyadic:
         # Its start need not close with the new numbers.
         content.pop('start', None)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from math import isfinite, radians
+from math import isfinite
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import (
@@ -12,9 +12,9 @@ from klann_ros.kinematics import (
     body_points,
     FIXED,
     GROUND,
-    LENGTH_UNITS,
     Linkage,
     Structure,
+    units_of,
 )
 from klann_ros.sanitize.text import counted, did_you_mean, printable, refusal
 from klann_ros.sanitize.yaml_text import parse
@@ -261,9 +261,9 @@ def masses_from_text(
 
     """
     settings = parse(text)
-    metre = LENGTH_UNITS[settings.get('units', {}).get('length', 'm')]
+    metre, radian = units_of(settings)
     tension = tuple(_spring(spring, linkage, metre) for spring in settings.get('springs', ()))
-    torsion = tuple(_torsion_springs(settings, linkage))
+    torsion = tuple(_torsion_springs(settings, linkage, radian))
     bodies = bodies_of(settings)
     missing = [angle for angle in linkage.joint_names if 'mass' not in bodies[angle]]
     body_masses = tuple(_body(bodies[angle], metre) for angle in linkage.joint_names)
@@ -304,8 +304,9 @@ def _spring(settings: Mapping[str, Any], linkage: Linkage, metre: float) -> Spri
     return Spring(ends, float(settings['stiffness']), metre * settings.get('free_length', 0.0))
 
 
-def _torsion_springs(settings: Mapping[str, Any], linkage: Linkage) -> Iterator[TorsionSpring]:
-    radian = radians(1.0) if settings.get('units', {}).get('angle') == 'deg' else 1.0
+def _torsion_springs(
+    settings: Mapping[str, Any], linkage: Linkage, radian: float
+) -> Iterator[TorsionSpring]:
     for spring in settings.get('torsion_springs', ()):
         rest_angle = radian * spring.get('rest_angle', 0.0)
         bodies = tuple(spring['between'])

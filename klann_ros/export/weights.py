@@ -16,9 +16,9 @@ from klann_ros.kinematics import (
     bodies_of,
     content_with_numbers,
     is_linkage,
-    LENGTH_UNITS,
     NUMBER_DIGITS,
     SHIPPED,
+    units_of,
 )
 from klann_ros.robot import LEG_PARAMETERS, Robot, robot_from_text, RobotLeg, solver_parameters
 from klann_ros.sanitize.files import is_regular_file
@@ -83,7 +83,7 @@ def part_settings(
     """Return `parts` of the first leg that has them in its file, changed by others [unit]; [m]."""
     contents = (parse(leg.description) for leg in legs if leg.description)
     content: Any = next((content for content in contents if 'parts' in content), {})
-    of_file = _converted(content.get('parts', {}), _metre(content))
+    of_file = _converted(content.get('parts', {}), units_of(content)[0])
     settings = of_file | _converted(changes, unit)
     for name in ('holes', 'seats'):
         settings[name] = {**of_file.get(name, {}), **settings.get(name, {})}
@@ -93,10 +93,6 @@ def part_settings(
     if 'material' in settings:
         _materials(settings)
     return settings
-
-
-def _metre(content: Mapping[str, Any]) -> float:
-    return LENGTH_UNITS[content.get('units', {}).get('length', 'm')]
 
 
 def _converted(settings: Mapping[str, Any], unit: float) -> dict[str, Any]:
@@ -158,7 +154,7 @@ def _weighed_linkage(placed: PlacedLeg, settings: Mapping[str, Any]) -> str:
     for part in placed.parts:
         mass = (pins if part.role.is_hardware else material).mass(part)
         masses[part.body] = masses.get(part.body, BodyMass()).plus(mass)
-    metre = _metre(content)
+    metre, _ = units_of(content)
     content.pop('density', None)
     sizes = {**asdict(part_sizes(settings)), 'width': placed.stack.plates[0].width}
     content['parts'] = _converted({**settings, **sizes}, 1.0 / metre)

@@ -83,7 +83,8 @@ def _read_pmks_plus(text: str) -> Iterator[Joint]:
     for record in link_records.split('.'):
         name, *fields = record.split(',')
         # Y marks a whole link, N a part that is welded to others. An empty joint ends them.
-        for joint in fields[6 : fields.index('', 6)] if name.startswith('Y') else ():
+        end = fields.index('', 6)
+        for joint in fields[6:end] if name.startswith('Y') else ():
             links[joint].append(name[2:])
     for record in joint_records.split('.'):
         name, _, x, y, angle = record.split(',')

@@ -162,7 +162,7 @@ def _loop_hinges(closures: Mapping[str, Any], frames: Frames, max_gap: float) ->
         axis = _numbers(loop.get('axis', (0.0, 0.0, 0.0)))
         axis = pose[:3, :3] @ axis * (np.linalg.norm(axis) > _MIN_AXIS)
         if 'point' not in loop:
-            gap = np.linalg.norm(_position(child_pose, loop['child_xyz']) - position)
+            gap = float(np.linalg.norm(_position(child_pose, loop['child_xyz']) - position))
             if gap > max_gap:
                 raise MechanismError(f'{listed([name])} is {gap:.3g} m open at joint zero')
         yield _Hinge(name, (body, child_body), position, axis)
@@ -185,8 +185,8 @@ def _planar_joints(hinges: Sequence[_Hinge]) -> Iterator[Joint]:
         length = float(np.linalg.norm(hinge.axis)) or 1.0
         direction = complex(*np.round(np.array([right, up]) @ hinge.axis / length, 15))
         # A slider is across the normal, a pin along it.
-        sine = hinge.axis @ normal / length if hinge.kind == SLIDER else direction
-        if abs(sine) > _MAX_SINE:
+        along = complex(hinge.axis @ normal) / length
+        if abs(along if hinge.kind == SLIDER else direction) > _MAX_SINE:
             names = listed([pins[0].name, hinge.name])
             raise MechanismError(f'{names} move in different planes: only planar robots are read')
         yield Joint(hinge.name, complex(x, y), hinge.bodies, hinge.kind, direction)

@@ -41,7 +41,7 @@ Constants              `BENDS`, `JOINTS`, `LENGTHS`, `NUMBERS`, `PRESETS` of the
                        leg; `FIXED`, `GROUND`, `GROUND_BAND`; `COLOURS`, `colour_of`
 Files                  `LENGTH_UNITS`, `NUMBER_DIGITS`, `SHIPPED`, `is_linkage`,
                        `linkage_text`, `content_with_numbers`, `bodies_of`,
-                       `schema_error`, `structure_of`
+                       `units_of`, `schema_error`, `structure_of`
 Structure              `as_linkage`, `Structure`, `Bar`, `body_points`, `moved_numbers`
 Motion of bodies       `body_vectors`, `solve_rates`, `vector_velocity`,
                        `velocity_product`, `cross`, `SAME_ANGLE`, `ChangePoint`
@@ -113,7 +113,6 @@ if TYPE_CHECKING:
     from .linkage.file import (
         content_with_numbers,
         is_linkage,
-        LENGTH_UNITS,
         linkage_from_file,
         linkage_from_text,
         linkage_text,
@@ -128,7 +127,7 @@ if TYPE_CHECKING:
     from .linkage.joints import body_vectors, solve_rates, vector_velocity, velocity_product
     from .linkage.leg import AnyLeg, Leg, LinkageLeg
     from .linkage.linkage import as_linkage, Linkage
-    from .linkage.points import bodies_of
+    from .linkage.points import bodies_of, LENGTH_UNITS, units_of
     from .linkage.pose import LinkageMotion, LinkagePose
     from .linkage.reach import crank_limits, path_arcs, reachable_arcs
     from .linkage.structure import Bar, FIXED, GROUND, Structure

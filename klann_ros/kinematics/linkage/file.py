@@ -1,7 +1,7 @@
 """A linkage from a YAML file, by its schema: the only place in the kinematics that reads files."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache, lru_cache
 from itertools import chain, islice, product
 import json
@@ -20,13 +20,12 @@ from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse, YamlError
 from .assemblies import describe_assemblies, distance_to_assembly, MAX_NAMED, possible_assemblies
 from .change_points import PARALLEL
 from .linkage import Linkage
-from .points import by_bars
+from .points import by_bars, units_of
 from .reach import closes_somewhere
 from .structure import Bar, Body, Brace, Structure
 
 # The keys of a linkage, and of no parameter file.
 _KEYS = {'pivots', 'bodies', 'crank', 'foot', 'links'}
-LENGTH_UNITS = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}
 NUMBER_DIGITS = 9
 """Digits behind the point of written numbers, in their own units."""
 
@@ -39,12 +38,7 @@ class LinkageFileError(GeometryError):
 
 def shipped_linkages() -> list[str]:
     """Return the names of the linkages that come with the package."""
-    names = []
-    for file in SHIPPED.iterdir():
-        stem, _, suffix = file.name.rpartition('.')
-        if suffix == 'yaml':
-            names.append(stem)
-    return sorted(names)
+    return sorted(file.stem for file in SHIPPED.glob('*.yaml'))
 
 
 def shipped_linkage(name: str) -> Linkage:
@@ -142,24 +136,29 @@ def content_with_numbers(text: str, linkage: Linkage) -> Any:
         # The pose of the points may be a dead point.
         del content['start']
         content['assembly'] = [*linkage.assembly_at(0.0)]
-    units = content.get('units', {})
-    metre = LENGTH_UNITS[units.get('length', 'm')]
-    radian = radians(1.0) if units.get('angle', 'rad') == 'deg' else 1.0
-    bars: list[Any] = _all_bars(content, linkage.structure.angles)
+    slots = _slots(content, linkage.structure)
     for dimension, number in zip(linkage.structure.dimensions, linkage.numbers, strict=True):
-        place = dimension.place
-        scale = radian if dimension.kind == 'bend' else metre
-        rounded = round(dimension.sense * number / scale, NUMBER_DIGITS)
-        if dimension.kind in {'x', 'y'}:
-            pivot = content['pivots'][linkage.structure.pivots[place]]
-            pivot['xy'.index(dimension.kind)] = rounded
-        elif dimension.kind == 'brace':
-            bars[place]['brace']['length'] = rounded
-        elif dimension.kind == 'bend':
-            bars[place]['direction' if 'along' in bars[place] else 'bend'] = rounded
-        else:
-            bars[place]['length'] = rounded
+        holder, key, unit = next(slots)
+        holder[key] = round(dimension.sense * number / unit, NUMBER_DIGITS)
     return content
+
+
+def _slots(content: Mapping[str, Any], structure: Structure) -> Iterator[tuple[Any, Any, float]]:
+    """Yield where each dimension is in a file's content, by bars: a list or mapping, key, unit."""
+    metre, radian = units_of(content)
+    bars = [bar for name in structure.angles for bar in _body_bars(content['bodies'][name])]
+    for dimension in structure.dimensions:
+        if dimension.kind in {'x', 'y'}:
+            pivot = content['pivots'][structure.pivots[dimension.place]]
+            yield pivot, 'xy'.index(dimension.kind), metre
+            continue
+        bar = bars[dimension.place]
+        if dimension.kind == 'bend':
+            key = 'direction' if 'along' in bar else 'bend'
+            bar.setdefault(key, 0.0)
+            yield bar, key, radian
+        else:
+            yield bar['brace'] if dimension.kind == 'brace' else bar, 'length', metre
 
 
 def _linkage(content: Any) -> Linkage:
@@ -169,34 +168,23 @@ def _linkage(content: Any) -> Linkage:
         raise GeometryError(problem)
     has_points = 'points' in content
     content = by_bars(content)
-    units = content.get('units', {})
-    metre = LENGTH_UNITS[units.get('length', 'm')]
-    turn = radians if units.get('angle', 'rad') == 'deg' else float
+    metre, radian = units_of(content)
     crank = content['crank']
     bodies = content['bodies']
     start = content.get('start')
     if crank not in bodies:
         hint = did_you_mean(crank, bodies)
         raise GeometryError(f'the crank {crank} is none of the bodies: {", ".join(bodies)}{hint}')
-    order = _order(content)
     if start is not None:
-        _check_start_names(start, order)
+        _check_start_names(start, bodies)
     try:
         structure = structure_of(content)
         _ = structure.groups
     except GeometryError as error:
         raise GeometryError(f'{error}{_describe_misspelling(content)}') from error
-    bars = _all_bars(content, order)
-    _check_bends(content, turn)
-    number_of: dict[str, Callable[[int], float]] = {
-        'length': lambda place: metre * bars[place]['length'],
-        'brace': lambda place: metre * bars[place]['brace']['length'],
-        'bend': lambda place: turn(bars[place].get('bend', bars[place].get('direction', 0.0))),
-        'x': lambda place: metre * content['pivots'][structure.pivots[place]][0],
-        'y': lambda place: metre * content['pivots'][structure.pivots[place]][1],
-    }
-    numbers = [number_of[dimension.kind](dimension.place) for dimension in structure.dimensions]
-    _warn_of_lengths(structure, numbers, units)
+    _check_bends(content, radian)
+    numbers = [unit * holder[key] for holder, key, unit in _slots(content, structure)]
+    _warn_of_lengths(structure, numbers, content.get('units', {}))
     signs = content.get('assembly')
     count = len(structure.groups)
     linkage = Linkage(
@@ -213,32 +201,25 @@ def _linkage(content: Any) -> Linkage:
         return linkage
     start_guess = []
     for body in structure.bodies:
-        coordinate = start[body.angle]
-        start_guess.append(metre * coordinate if body.slides else turn(coordinate))
+        start_guess.append((metre if body.slides else radian) * start[body.angle])
     if has_points:
         return _linkage_from_pose(linkage, start_guess, signs)
-    return _linkage_from_start(linkage, start_guess, signs, in_degrees=turn is radians)
+    return _linkage_from_start(linkage, start_guess, signs, in_degrees=radian != 1.0)
 
 
 def _warn_of_lengths(
     structure: Structure, numbers: Sequence[float], units: Mapping[str, str]
 ) -> None:
-    lengths = {}
-    for dimension, number in zip(structure.dimensions, numbers, strict=True):
-        if dimension.kind != 'bend':
-            lengths[dimension.name] = number
+    dimensions = zip(structure.dimensions, numbers, strict=True)
+    lengths = {dimension.name: n for dimension, n in dimensions if dimension.kind != 'bend'}
     angle = f', angle: {units["angle"]}' if 'angle' in units else ''
     warn_of_lengths(lengths, '' if 'length' in units else f'write units: {{length: mm{angle}}}')
 
 
-def _order(content: Mapping[str, Any]) -> list[str]:
-    """Return the names of the bodies, the crank's first."""
-    return list(dict.fromkeys([content['crank'], *content['bodies']]))
-
-
 def structure_of(content: Mapping[str, Any]) -> Structure:
     """Return the structure of a file's content, which may lack numbers; or a GeometryError."""
-    bodies = [_body(name, content['bodies'][name]) for name in _order(content)]
+    names = dict.fromkeys([content['crank'], *content['bodies']])
+    bodies = [_body(name, content['bodies'][name]) for name in names]
     return Structure(tuple(content['pivots']), tuple(bodies), content['foot'])
 
 
@@ -251,15 +232,15 @@ def _body(name: str, content: Mapping[str, Any]) -> Body:
     return Body(name, tuple(bars), content.get('clockwise', False), along=along)
 
 
-def _check_bends(content: Mapping[str, Any], turn: Callable[[float], float]) -> None:
+def _check_bends(content: Mapping[str, Any], radian: float) -> None:
     for name, body in content['bodies'].items():
-        angles = {}
-        for n, bar in enumerate(body.get('bars', ())):
-            angles[f'bars[{n}].bend'] = bar.get('bend')
-        angles['slides.direction'] = body.get('slides', {}).get('direction')
+        angles = {
+            f'bars[{n}].bend': bar.get('bend', 0.0) for n, bar in enumerate(body.get('bars', ()))
+        }
+        angles['slides.direction'] = body.get('slides', {}).get('direction', 0.0)
         for place, angle in angles.items():
-            if angle is not None and abs(turn(angle)) > TURN:
-                limit = '+-360 deg' if turn is radians else f'+-2 pi rad; {DEGREES_HINT}'
+            if abs(radian * angle) > TURN:
+                limit = f'+-2 pi rad; {DEGREES_HINT}' if radian == 1.0 else '+-360 deg'
                 raise GeometryError(f'bodies.{name}.{place}: {angle:g} must be within {limit}')
 
 
@@ -270,24 +251,25 @@ MIN_POSE_SINE = 1e-4
 DEGREES_HINT = 'for degrees write units: {angle: deg}'
 
 
-def _check_start_names(start: Mapping[str, float], bodies: Sequence[str]) -> None:
+def _check_start_names(start: Mapping[str, float], bodies: Collection[str]) -> None:
     """Refuse a start that has not an angle for every body, and for nothing else."""
-    for name in start:
+    for name in [*start, *bodies]:
         if name not in bodies:
             hint = did_you_mean(name, bodies)
             raise GeometryError(f'start has an angle for {name}, which is no body{hint}')
-    for name in bodies:
         if name not in start:
             raise GeometryError(f'start has no angle for {name}: it needs one for every body')
 
 
 def _describe_misspelling(content: Mapping[str, Any]) -> str:
     """Return a hint at points of a file in one body alone, which join nothing; empty for none."""
-    points = {name: _points(body) for name, body in content['bodies'].items()}
+    points: dict[str, dict[str, None]] = {}
+    for name, body in content['bodies'].items():
+        points[name] = dict.fromkeys(
+            bar[end] for bar in _body_bars(body) for end in ('from', 'to')
+        )
     uses = Counter(chain([content['foot'], *content['pivots']], *points.values()))
-    loose = []
-    for name, body_points in points.items():
-        loose += [(name, point) for point in body_points if uses[point] == 1]
+    loose = [(name, point) for name in points for point in points[name] if uses[point] == 1]
     for name, point in loose:
         elsewhere = [use for use in uses if use not in points[name]]
         # Above all one that nothing else leads to, such as a pivot.
@@ -297,28 +279,11 @@ def _describe_misspelling(content: Mapping[str, Any]) -> str:
             hint = f'; did you mean {single[0]}?'
         if hint:
             return f'; the point {point} is in the body {name} alone{hint}'
-    if not loose:
-        return ''
     names = listed((f'{point} of {name}' for name, point in loose), 5)
-    return f'; in one body alone, and so joining nothing, are the points {names}'
+    return f'; in one body alone, and so joining nothing, are the points {names}' if loose else ''
 
 
-def _points(body: Mapping[str, Any]) -> list[str]:
-    points = []
-    for bar in _body_bars(body):
-        points += [bar['from'], bar['to']]
-    return list(dict.fromkeys(points))
-
-
-def _all_bars(content: Mapping[str, Any], names: Sequence[str]) -> list[Mapping[str, Any]]:
-    """Return the bars of bodies in a file, by their names."""
-    bars = []
-    for name in names:
-        bars += _body_bars(content['bodies'][name])
-    return bars
-
-
-def _body_bars(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def _body_bars(body: Mapping[str, Any]) -> list[Any]:
     """Return the bars of a body in a file, the line that it slides along being the first."""
     line = [body['slides']] if 'slides' in body else []
     return [*line, *body.get('bars', ())]
@@ -451,14 +416,13 @@ def schema_error(content: Any, package: str = __package__) -> str:
     error = best_match(Draft202012Validator(schema).iter_errors(content))
     if error is None:
         return ''
-    place = ''
-    for key in error.absolute_path:
-        place += f'[{key}]' if isinstance(key, int) else f'.{key}'
+    keys = [f'[{key}]' if isinstance(key, int) else f'.{key}' for key in error.absolute_path]
+    place = ''.join(keys).lstrip('.')
     instance = _shortened(error.instance)
     text = f'{instance} is not allowed by the rule {error.validator}'
     if error.validator in _SCHEMA_ERRORS:
         text = _SCHEMA_ERRORS[error.validator](error, instance)
-    return f'{place.lstrip(".")}: {text}' if place else text
+    return f'{place}: {text}' if place else text
 
 
 @cache

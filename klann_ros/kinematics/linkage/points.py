@@ -2,9 +2,9 @@
 
 from cmath import phase, rect
 from collections.abc import Mapping
-from math import radians
 from typing import Any
 
+from klann_ros.kinematics.angles import deg
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.sanitize.text import did_you_mean, listed
 
@@ -14,6 +14,13 @@ from .topology import MAX_BODIES
 # origin, if it tells the direction, and from a line of stated direction, if it is on it.
 MIN_DISTANCE = 1e-9
 LINE_TOLERANCE = 1e-3
+LENGTH_UNITS = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}
+
+
+def units_of(content: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the units of lengths [m] and of angles [rad] in a file's content."""
+    units = content.get('units', {})
+    return LENGTH_UNITS[units.get('length', 'm')], deg if units.get('angle') == 'deg' else 1.0
 
 
 def bodies_of(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -34,22 +41,20 @@ def by_bars(content: dict[str, Any]) -> dict[str, Any]:
     if 'points' not in content:
         return content
     pose = _Pose(content)
-    others = {key: content[key] for key in content if key not in ('points', 'ground', 'links')}
-    pivots = {name: content['points'][name] for name in content['ground']}
-    bodies = {}
-    start = {}
+    converted = {key: content[key] for key in content if key not in ('points', 'ground', 'links')}
+    converted['pivots'] = {name: content['points'][name] for name in content['ground']}
+    converted |= {'bodies': {}, 'start': {}}
     for name in content['links']:
-        bodies[name], start[name] = pose.body(name)
-    return {**others, 'pivots': pivots, 'bodies': bodies, 'start': start}
+        converted['bodies'][name], converted['start'][name] = pose.body(name)
+    return converted
 
 
 class _Pose:
     """The places of the points of a file, and the points of its links; lengths in its unit."""
 
     def __init__(self, content: Mapping[str, Any]) -> None:
-        units = content.get('units', {})
-        self._radian = radians(1.0) if units.get('angle') == 'deg' else 1.0
-        self._length_unit = units.get('length', 'm')
+        _, self._radian = units_of(content)
+        self._length_unit = content.get('units', {}).get('length', 'm')
         self._places = {name: complex(*place) for name, place in content['points'].items()}
         self._links = bodies_of(content)
         # The points of each link, the one from which its bars start first.
@@ -57,15 +62,20 @@ class _Pose:
         # The key that names each point last.
         users = dict.fromkeys(content['ground'], 'ground')
         for name, link in self._links.items():
-            points = link.get('points', [])
             slides = link.get('slides')
-            first = slides['to'] if slides else points[0]
+            ends = [slides['to'], slides['from']] if slides else []
+            points = [*ends[:1], *link.get('points', [])]
             if name == content['crank']:
-                first = next((point for point in points if point in content['ground']), first)
-            self._points[name] = [*dict.fromkeys([first, *points])]
-            ends = [slides['from'], slides['to']] if slides else []
+                points.sort(key=lambda point: point not in content['ground'])
+            self._points[name] = [*dict.fromkeys(points)]
             users |= dict.fromkeys([*points, *ends], f'links.{name}')
-        self._check_names(users)
+        for name, user in users.items():
+            if name not in self._places:
+                there_are = listed(self._places) + did_you_mean(name, self._places)
+                raise GeometryError(f'{user}: {name} is none of the points: {there_are}')
+        for name in self._places:
+            if name not in users:
+                raise GeometryError(f'points.{name}: it is on no link, and not on the ground')
         origin = next(iter(self._places.values()))
         self._size = max(abs(place - origin) for place in self._places.values())
 
@@ -75,30 +85,18 @@ class _Pose:
         body = {key: link[key] for key in link if key != 'points'}
         direction = self._direction(name)
         start, *ends = self._points[name]
-        bars: list[dict[str, Any]] = []
+        bars = []
         for end in ends:
             vector = self._vector(name, start, end)
-            bar = {'from': start, 'to': end, 'length': abs(vector)}
-            if bars or 'slides' in body:
-                bar['bend'] = phase(vector / direction) / self._radian
-            bars.append(bar)
-        if bars:
-            body['bars'] = bars
+            bend = phase(vector / direction) / self._radian
+            bars.append({'from': start, 'to': end, 'length': abs(vector), 'bend': bend})
+        body |= {'bars': bars} if bars else {}
         if 'slides' in body:
             body['slides'], distance = self._line(name)
             return body, distance
+        del bars[0]['bend']
         sense = -1.0 if body.get('clockwise') else 1.0
         return body, sense * phase(direction) / self._radian
-
-    def _check_names(self, users: Mapping[str, str]) -> None:
-        """Refuse names of no points, and points that nothing uses."""
-        for name, place in users.items():
-            if name not in self._places:
-                there_are = listed(self._places) + did_you_mean(name, self._places)
-                raise GeometryError(f'{place}: {name} is none of the points: {there_are}')
-        for name in self._places:
-            if name not in users:
-                raise GeometryError(f'points.{name}: it is on no link, and not on the ground')
 
     def _vector(self, name: str, start: str, end: str) -> complex:
         vector = self._places[end] - self._places[start]
@@ -122,18 +120,19 @@ class _Pose:
     def _line(self, name: str) -> tuple[dict[str, Any], float]:
         """Return the line that a link slides along, with its direction, and the distance."""
         slides = self._links[name]['slides']
-        start = slides['from']
-        end = slides['to']
+        start, end = slides['from'], slides['to']
         vector = (self._places[end] - self._places[start]) / self._direction(slides['along'])
         tolerance = LINE_TOLERANCE * self._size
         if 'direction' in slides:
             vector *= rect(1.0, -self._radian * slides['direction'])
             if abs(vector.imag) <= tolerance:
                 return slides, vector.real
-            line = f'the line through {start} in this direction'
-            msg = f'{end} is {abs(vector.imag):.3g} {self._length_unit} off {line}'
+            distance = f'{abs(vector.imag):.3g} {self._length_unit}'
+            problem = f'{end} is {distance} off the line through {start} in this direction'
+        elif abs(vector) > tolerance:
+            return {**slides, 'direction': phase(vector) / self._radian}, abs(vector)
         else:
-            if abs(vector) > tolerance:
-                return {**slides, 'direction': phase(vector) / self._radian}, abs(vector)
-            msg = f'{start} and {end} are too close to tell the direction of the line: state it'
-        raise GeometryError(f'links.{name}.slides.direction: {msg}')
+            problem = (
+                f'{start} and {end} are too close to tell the direction of the line: state it'
+            )
+        raise GeometryError(f'links.{name}.slides.direction: {problem}')
