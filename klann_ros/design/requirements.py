@@ -1,15 +1,15 @@
 """Requirements: the linkages, what may vary, and the figures that are aimed at or limited."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 import json
 from math import inf
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
-from klann_ros.datasheet import Motor, motor_from_file, MotorFileError
-from klann_ros.export import ExportError, part_settings
+from klann_ros.datasheet import Motor, motor_from_file
+from klann_ros.export import part_settings
 from klann_ros.kinematics import schema_error, Structure
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import preset_names, robot_of, RobotFileError, RobotLeg
@@ -26,6 +26,7 @@ from .rounding import FILE_ERROR, Rounding
 from .space import RequirementsError, Space, Units, varied_space
 from .target import Target, target_from
 
+Loaded = TypeVar('Loaded')
 AIMS = ('minimize', 'maximize')
 LIMITS = ('at_least', 'at_most')
 DEFAULT_COUNT = 24
@@ -200,6 +201,7 @@ def requirements_from(
             aims = (Aim(figure, 'minimize'), *aims)
     limits = (*limits, *_task_limits(content, poses))
     load = float(content.get('load', 0.0))
+    motor_file = _beside(content.get('motor', ''), folder)
     requirements = Requirements(
         spaces=spaces,
         # Without an aim the best leg is the one farthest from jamming.
@@ -213,10 +215,10 @@ def requirements_from(
         load=load,
         speed=units.size('rad/s') * content['speed'] if 'speed' in content else 2.0 * np.pi,
         tolerance=metre * float(content.get('tolerance', 0.0)),
-        motor=_motor(content['motor'], folder) if 'motor' in content else None,
-        motor_file=str(Path(_beside(content.get('motor', ''), folder)).absolute()),
+        motor=_loaded('motor: ', motor_from_file, motor_file) if 'motor' in content else None,
+        motor_file=str(Path(motor_file).absolute()),
         walker=content.get('walker'),
-        parts=_parts(content, metre, legs),
+        parts=_loaded('', part_settings, legs, content.get('parts', {}), metre),
         # A schema's whole numbers may be written as 2.0.
         count=int(content.get('count', DEFAULT_COUNT)),
         text=json.dumps(content, sort_keys=True),
@@ -302,32 +304,23 @@ def _target(
     """Return the path that the foot is to follow, if there is one."""
     if 'path' not in content:
         return None
-    try:
-        target = target_from(content['path'], metre, folder)
-    except (OSError, ValueError) as error:
-        raise RequirementsError(f'path: {getattr(error, "strerror", None) or error}') from error
+    target = _loaded('path: ', target_from, content['path'], metre, folder)
     if not all(leg.description for leg in legs):
         raise RequirementsError('path needs a linkage with pivots of its own, such as klann')
     return target
 
 
-def _motor(name: str, folder: Path) -> Motor:
+def _loaded(key: str, load: Callable[..., Loaded], *arguments: Any) -> Loaded:
+    """Return what a function loads; a RequirementsError that begins with a key if it refuses."""
     try:
-        return motor_from_file(_beside(name, folder))
-    except MotorFileError as error:
-        raise RequirementsError(f'motor: {error}') from error
+        return load(*arguments)
+    except (OSError, ValueError) as error:
+        raise RequirementsError(f'{key}{getattr(error, "strerror", None) or error}') from error
 
 
 def _beside(name: str, folder: Path) -> str:
     """Return a file's path, beside the file of requirements if it is there."""
     return str(folder / name) if (folder / name).is_file() else name
-
-
-def _parts(content: Mapping[str, Any], metre: float, legs: Iterable[RobotLeg]) -> dict[str, Any]:
-    try:
-        return part_settings(legs, content.get('parts', {}), metre)
-    except ExportError as error:
-        raise RequirementsError(str(error)) from error
 
 
 def _leg(name: str, folder: Path) -> RobotLeg:
