@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 import csv
-from math import radians
+from math import isfinite
 import re
 from typing import NamedTuple
 
 from klann_ros.cli import decoded_text
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import RobotLeg
+from klann_ros.sanitize.quantity import conversion_factor
 from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
 
@@ -31,10 +32,11 @@ ROLES = {
 }
 # Parts of the names of columns that are fields of messages (PlotJuggler).
 MESSAGE_FIELDS = {'point', 'pose', 'position', 'transform', 'translation', 'data'}
-# Factors of the units in a header to SI units; pixels have any scale.
-UNIT_FACTORS = {'deg': radians(1.0), '°': radians(1.0), 'mm': 1e-3, 'cm': 1e-2, 'in': 0.0254}
-UNIT_FACTORS |= {'min': 60.0, 'ms': 1e-3, 'us': 1e-6, 'µs': 1e-6, 'ns': 1e-9}
-UNIT_FACTORS |= dict.fromkeys(('', 'm', 's', 'sec', 'seconds', 'rad', 'px', 'pixels'), 1.0)
+# Units in a header; pixels have any scale.
+UNITS = (
+    *('deg', '°', 'mm', 'cm', 'in', 'min', 'ms', 'us', 'µs', 'ns'),
+    *('m', 's', 'sec', 'seconds', 'rad', 'px', 'pixels'),
+)
 _UNIT = re.compile(r'^(.+?)(?:\s*[\[(]\s*(.+?)\s*[\])]|[ _](deg|min|ms|mm|cm|rad|px|s|m))$')
 # Hours, minutes, seconds and their decimals (Kinovea).
 _TIME_CODE = re.compile(r'(\d{1,3}):(\d\d):(\d\d)[:.](\d{2,3})')
@@ -61,12 +63,13 @@ class Column(NamedTuple):
     def si_numbers(self, unit: str = '') -> FloatArray:
         """Return the numbers in SI units; `unit` is that of a header without one."""
         unit = self.unit or unit
-        if unit not in UNIT_FACTORS:
-            legal = ', '.join(filter(None, UNIT_FACTORS))
+        if unit and unit not in UNITS:
+            legal = ', '.join(UNITS)
             raise MeasurementError(
                 f'column {printable(self.name)}: {printable(unit)} is no known unit: {legal}'
             )
-        return self.numbers * UNIT_FACTORS[unit]
+        sizes = [conversion_factor(unit, si_unit) for si_unit in ('m', 's', 'rad')]
+        return self.numbers * next((size for size in sizes if size and isfinite(size)), 1.0)
 
 
 def load_table(
