@@ -61,8 +61,8 @@ class FaultLatch:
     row; without, only `reset` does.
     """
 
-    def __init__(self, *, auto_reset: bool = False) -> None:
-        self.auto_reset = auto_reset
+    def __init__(self) -> None:
+        self.auto_reset = False
         self.fault: Fault | None = None
         # Whether a motion of 0 was commanded since the fault.
         self._is_released = False
