@@ -102,7 +102,7 @@ class _HelpFormatter(argparse.HelpFormatter):
         folded = []
         for line in text.splitlines():
             margin = line[: len(line) - len(line.lstrip())]
-            lines = textwrap.wrap(
+            folded_line = textwrap.fill(
                 line,
                 width,
                 initial_indent=indent,
@@ -110,7 +110,7 @@ class _HelpFormatter(argparse.HelpFormatter):
                 break_long_words=False,
                 break_on_hyphens=False,
             )
-            folded += lines or ['']
+            folded.append(folded_line)
         return '\n'.join(folded)
 
 

@@ -149,11 +149,7 @@ def flush(publishers: Iterable[Publisher], seconds: float = ARRIVES) -> None:
 
 
 def publish_last(publisher: Publisher, message: Any) -> None:
-    """
-    Publish what stops a robot before a publisher is destroyed.
-
-    Best-effort subscribers may lose a message, so it is repeated. Reliable ones acknowledge it.
-    """
+    """Publish what stops a robot, several times, as best-effort subscribers may lose one."""
     end = monotonic() + LAST_TIMEOUT
     for _ in range(LAST_MESSAGES):
         publisher.publish(message)
@@ -170,11 +166,7 @@ def subscribe_raw(
     wakes: bool = True,
     on_matched: Callable[[Any], None] | None = None,
 ) -> Subscription:
-    """
-    Subscribe to the bytes of an input, with the quality of service as overridden.
-
-    Without `wakes` its messages are taken with those of a subscription that wakes the node.
-    """
+    """Subscribe to an input, its QoS as overridden by parameters; `wakes` as RawCallbackGroup."""
     profile = overridden(node, topic, 'subscription', INPUT)
     # Each event costs at every wait. An input that matches every publisher needs no other.
     events = SubscriptionEventCallbacks(matched=on_matched, use_default_callbacks=profile != INPUT)

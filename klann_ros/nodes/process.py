@@ -7,7 +7,7 @@ from functools import partial
 import gc
 from importlib import import_module
 import inspect
-from itertools import islice, pairwise
+from itertools import chain, islice, pairwise
 import sys
 from types import FrameType, SimpleNamespace
 from typing import Any, Protocol
@@ -163,12 +163,7 @@ def run(
 
 
 def _close(node: Node, code: int, stop: StopSignals) -> int:
-    """
-    Shut down what the node does, and limit the rest of the end; return the exit code.
-
-    Discovery may overtake messages: a subscriber ignores those that come after the end of their
-    publisher.
-    """
+    """Shut down what the node does, and limit the rest of the end; return the exit code."""
     exit_code = 1
     try:
         # First: nothing may fail, or block, before a robot is stopped.
@@ -176,6 +171,7 @@ def _close(node: Node, code: int, stop: StopSignals) -> int:
         exit_code = code or closed
     finally:
         stop.limit_end(exit_code)
+    # Discovery may overtake messages: a subscriber ignores what comes after its publisher's end.
     flush(node.publishers, LAST_TIMEOUT)
     return exit_code
 
@@ -274,11 +270,9 @@ def unused_arguments(node: Node, executable: str, arguments: Sequence[str]) -> l
     """
     rules = _values_of_flags(arguments, '-p', '--param')
     files = parameter_files(arguments)
-    lines = [
-        *islice(_unknown_parameters(node, executable, rules), MAX_LINES + 1),
-        *islice(_rules_for_others(node, rules), MAX_LINES + 1),
-        *islice(_unused_files(node, files), MAX_LINES + 1),
-    ]
+    unknown_parameters = _unknown_parameters(node, executable, rules)
+    unused_rules = chain(_rules_for_others(node, rules), _unused_files(node, files))
+    lines = [*islice(chain(unknown_parameters, unused_rules), MAX_LINES + 1)]
     return lines if len(lines) <= MAX_LINES else [*lines[:MAX_LINES], '... and more of the kind']
 
 

@@ -55,11 +55,7 @@ DRIVER_TIMEOUT = 10.0
 
 
 class StartPermission:
-    """
-    The user's permission to turn the cranks.
-
-    The space bar gives it once it was requested; pressed again it stops the cranks.
-    """
+    """The user's permission to turn the cranks: the space bar gives and withdraws it."""
 
     def __init__(self, *, is_given: bool) -> None:
         self.is_given = is_given
@@ -169,9 +165,9 @@ class CommissionNode(ProcessNode):
     def _on_crank_state(self, readings: Mapping[str, JointReading], info: Info) -> None:
         self._commissioning.now = self._clock.now()
         self._has_feedback = True
-        encoders = {}
-        for joint, reading in readings.items():
-            encoders[joint] = reading.position, reading.velocity
+        encoders = {joint: (r.position, r.velocity) for joint, r in readings.items()}
+        # All readings of a message have its stamp.
+        reading = next(iter(readings.values()))
         stamp = reading.sec + reading.nanosec / 1e9 or info['source_timestamp'] / 1e9
         self._commissioning.feedback(encoders, stamp)
 

@@ -6,6 +6,7 @@ from math import copysign, cos, floor, isfinite, pi, remainder, sin
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import KinematicsError
 from klann_ros.nodes.parameters import Declaration
+from klann_ros.sanitize.text import refusal
 
 MODES = ('constant', 'sine', 'sweep', 'step')
 # Periods of sine, sweep and step [s].
@@ -41,15 +42,11 @@ class CrankMotion:
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:
-            raise CrankMotionError(
-                f'mode = {self.mode!r} is refused: it must be one of {", ".join(MODES)}'
-            )
+            raise CrankMotionError(refusal('mode', self.mode, f'one of {", ".join(MODES)}'))
         for name in ('speed', 'start', 'amplitude', 'frequency'):
             value = getattr(self, name)
             if not (isinstance(value, int | float) and isfinite(value)):
-                raise CrankMotionError(
-                    f'{name} = {value!r} is refused: it must be a finite number'
-                )
+                raise CrankMotionError(refusal(name, value, 'a finite number'))
         if self.mode in ('sine', 'step') and self.frequency <= 0.0:
             raise CrankMotionError(f'frequency = {self.frequency:g} Hz is refused: it must be > 0')
         if self.mode == 'sweep' and 0.0 in (self.speed, self.amplitude):

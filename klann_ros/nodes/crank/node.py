@@ -51,23 +51,6 @@ class CrankPublisher:
         self.publisher.publish(self.state)
 
 
-class DriverListener:
-    """The last angle that a driver has published, until `close`; None before the first [rad]."""
-
-    def __init__(self, node: Node, topic: str) -> None:
-        self.angle: float | None = None
-        self._node = node
-        self._subscription = node.create_subscription(Float64, topic, self._on_angle, 1)
-
-    def close(self) -> None:
-        """Leave the topic."""
-        self._node.destroy_subscription(self._subscription)
-
-    def _on_angle(self, message: Float64) -> None:
-        if isfinite(message.data):
-            self.angle = message.data
-
-
 class CrankNode(ProcessNode):
     """
     Publish the crank's angle, the n-th as a function of n / rate alone, then finish.
@@ -96,7 +79,9 @@ class CrankNode(ProcessNode):
         # simulated time may stand still or jump; the crank turns all the same.
         self._begin = inf
         self._begin_stamp = self.get_clock().now()
-        self._driver: DriverListener | None = None
+        # The driver's topic, and its last angle [rad]; None without a driver, or before the first.
+        self._driver_topic: Any = None
+        self._driver_angle: float | None = None
         self._lease = LeaseListener(self, self._output.publisher.topic_name, self._on_lease)
         self._start_timer = create_steady_timer(self, 0.02, self._start_if_ready)
         self.get_logger().info(f'ready: {self._summary(parameters)}')
@@ -172,18 +157,21 @@ class CrankNode(ProcessNode):
         topic = self._lease.topic
         if driver:
             self.get_logger().info(f'yields to {driver}, which drives {topic}')
-            self._driver = self._driver or DriverListener(self, topic)
+            self._driver_topic = self.create_subscription(Float64, topic, self._on_angle, 1)
             return
         t = self._sent_count / self._rate
-        if self._driver is not None:
-            self._driver.close()
-            if self._driver.angle is not None:
-                self._motion.resume(t, self._driver.angle)
-            self._driver = None
+        self.destroy_subscription(self._driver_topic)
+        if self._driver_angle is not None:
+            self._motion.resume(t, self._driver_angle)
+        self._driver_angle = None
         if self._begin < inf:
             self._begin = monotonic() - t
             self._begin_stamp = self.get_clock().now() - Duration(seconds=t)
         self.get_logger().info('the driver has left: resumes where the crank is')
+
+    def _on_angle(self, message: Float64) -> None:
+        if isfinite(message.data):
+            self._driver_angle = message.data
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:

@@ -1,7 +1,6 @@
 """Parameters, services and diagnostics of recorder_node."""
 
 from collections import deque
-from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from klann_ros.log import COMPRESSIONS, RecordingState
@@ -94,18 +93,15 @@ class RecordingDiagnostics:
         self._node = node
         self._lost = 0
         self._published: deque[bytes] = deque(maxlen=_MAX_OWN_REPORTS)
-        # Further statuses of each report, such as the judge's.
-        self.further_statuses = list[Callable[[], DiagnosticStatus]]()
         self._publisher = endpoints.create_publisher(node, DiagnosticArray, '/diagnostics')
         self.topic = self._publisher.topic_name
 
-    def report(self, state: RecordingState) -> None:
-        """Publish the state of a recording."""
+    def report(self, state: RecordingState, *further: DiagnosticStatus) -> None:
+        """Publish the state of a recording, and further statuses, such as a judge's."""
         level, message = _level_and_message(state, state.lost - self._lost)
         values = _diagnostic_values(state).items()
-        statuses = [endpoints.diagnostic_status(self._node, 'recording', level, message, values)]
-        statuses += [status() for status in self.further_statuses]
-        report = serialize_message(endpoints.diagnostic_array(self._node, statuses))
+        status = endpoints.diagnostic_status(self._node, 'recording', level, message, values)
+        report = serialize_message(endpoints.diagnostic_array(self._node, [status, *further]))
         self._published.append(report)
         self._publisher.publish(report)
         self._lost = state.lost

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 from threading import Event, Thread
 from time import thread_time, time_ns
-from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from klann_ros.log import Message, Pause, RecordedFinding, SolverParameters
@@ -48,13 +47,8 @@ class RecorderQueries:
     missed: Callable[[], Mapping[str, int]]
 
 
-class _Request(NamedTuple):
-    """The state of the recorder at an evaluation."""
-
-    # [ns since the epoch]
-    time: int
-    published: frozenset[str]
-    missed: Mapping[str, int]
+# Of an evaluation: time [ns since the epoch], topics with publishers, lost messages by topic.
+_Request = tuple[int, frozenset[str], Mapping[str, int]]
 
 
 class Judging:
@@ -94,14 +88,8 @@ class Judging:
         self._thread = _JudgeThread(judge, queries.has_stalled, self._put)
         # Takes each message.
         self.add = self._thread.inbox.append
-
-    def add_solver(self, solver: SolverParameters) -> None:
-        """Take new parameters of a solver."""
-        self._thread.context.append(solver)
-
-    def excuse(self, pause: Pause) -> None:
-        """Take a time in which a gap is no fault."""
-        self._thread.context.append(pause)
+        # Takes new parameters of a solver, or a time in which a gap is no fault.
+        self.add_context = self._thread.context.append
 
     def status(self) -> DiagnosticStatus:
         """Return the most severe finding and all others, or the error of judging."""
@@ -146,7 +134,7 @@ class Judging:
         if not (self._paused or self._thread.is_busy or self._queries.has_stalled()):
             time = time_ns()
             published = frozenset(self._queries.published())
-            self._thread.evaluate(_Request(time, published, self._queries.missed()))
+            self._thread.evaluate((time, published, self._queries.missed()))
 
     def _put(self, findings: list[LiveFinding]) -> None:
         self._unreported.append(findings)
@@ -165,11 +153,7 @@ class Judging:
 
 
 class _JudgeThread:
-    """
-    The thread of a judge; one evaluation at a time.
-
-    `on_findings` receives the findings of an evaluation, in this thread, and their end.
-    """
+    """The thread of a judge; `on_findings` receives the findings of each evaluation in it."""
 
     def __init__(
         self,
@@ -187,7 +171,7 @@ class _JudgeThread:
         self._judge = judge
         self._has_stalled = has_stalled
         self._on_findings = on_findings
-        self._request = _Request(0, frozenset(), {})
+        self._request: _Request = (0, frozenset(), {})
         self._requested = Event()
         self._stopped = Event()
         self._thread = Thread(target=self._run, name='judge', daemon=True)

@@ -38,6 +38,7 @@ from klann_ros.nodes.solver_watch import SolverWatch
 from klann_ros.sanitize.files import with_home
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
+from rclpy import spin_once
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.utilities import get_rmw_implementation_identifier
@@ -120,9 +121,7 @@ class RecorderNode(ProcessNode):
             has_stalled=lambda: self._watch.has_stalled,
             missed=self._missed,
         )
-        judging = Judging(self, limits_file, queries, self._on_findings)
-        self._diagnostics.further_statuses.append(judging.status)
-        return judging
+        return Judging(self, limits_file, queries, self._on_findings)
 
     def _message_sink(self) -> Callable[[Message], None]:
         """Return the sink of every message, without overhead if nothing is judged."""
@@ -140,7 +139,7 @@ class RecorderNode(ProcessNode):
     def _on_solver(self, solver: SolverParameters) -> None:
         self._recording.add_solver(solver)
         if self._judging is not None:
-            self._judging.add_solver(solver)
+            self._judging.add_context(solver)
 
     def _on_stall(self, stall: Pause) -> None:
         """Write a stall of this process to the run, in which a gap is no fault."""
@@ -148,7 +147,7 @@ class RecorderNode(ProcessNode):
         self._recording.add_pause(stall)
         self.get_logger().warning(stall.reason)
         if self._judging is not None:
-            self._judging.excuse(stall)
+            self._judging.add_context(stall)
 
     def _missed(self) -> dict[str, int]:
         """Return the messages of each topic lost before reception, as far as known."""
@@ -161,7 +160,8 @@ class RecorderNode(ProcessNode):
         self._report()
 
     def _report(self) -> None:
-        self._diagnostics.report(self._recording.state())
+        statuses = [] if self._judging is None else [self._judging.status()]
+        self._diagnostics.report(self._recording.state(), *statuses)
 
     def _trigger(self) -> tuple[bool, str]:
         self._watch.take_queued()
@@ -170,15 +170,13 @@ class RecorderNode(ProcessNode):
     def _await_responses(self) -> None:
         """Wait for requested solver parameters, which explain a short run."""
         executor = SingleThreadedExecutor(context=self.context)
-        executor.add_node(self)
-        end = monotonic() + _RESPONSE_TIMEOUT
+        end_time = monotonic() + _RESPONSE_TIMEOUT
 
         def spin() -> None:
-            while self._solvers.pending and monotonic() < end:
-                executor.spin_once(timeout_sec=0.02)
+            while self._solvers.pending and monotonic() < end_time:
+                spin_once(self, executor=executor, timeout_sec=0.02)
 
         spin_through_errors(spin, self)
-        executor.remove_node(self)
 
     def _pause(self) -> tuple[bool, str]:
         if self._pauses.paused:

@@ -58,10 +58,8 @@ class RecordedTopic:
     one would miss latched messages, a stronger one would not match. A message that two of them
     receive is recorded once.
 
-    `put` takes the messages that the recording counts, and does not skip in a pause. `on_change`
-    receives the topic's name when publishers appear or leave. `is_own` recognizes
-    messages of the recorder's own publisher, which is not among the publishers. An
-    UnknownMessageTypeError or UnknownTypeError for a type that is not installed.
+    `put` takes the messages that a pause does not skip, `on_change` the topic's name when
+    publishers appear or leave. `is_own` recognizes the recorder's own messages.
     """
 
     def __init__(

@@ -269,10 +269,7 @@ class CrankCommands:
         if len(numbers) != len(names):
             raise ValueError(f'it has {len(names)} names and {len(numbers)} velocities')
         all_velocities = dict(zip(names, numbers, strict=True))
-        velocities = {}
-        for joint in self._twin.joints:
-            if joint in all_velocities:
-                velocities[joint] = all_velocities[joint]
+        velocities = {j: all_velocities[j] for j in self._twin.joints if j in all_velocities}
         if not velocities:
             raise ValueError(f'it has none of the joints {listed(self._twin.joints, 8)}')
         for joint, velocity in velocities.items():

@@ -105,12 +105,8 @@ class CrankInputs:
         state_count, state_topic = max((s.active_publishers(), s.topic) for s in self._states)
         if angle_count + state_count < 2:
             return ''
-        sources = []
-        if angle_count:
-            sources.append(f'{self._angles.topic} ({angle_count})')
-        if state_count:
-            sources.append(f'{state_topic} ({state_count})')
-        return ' and '.join(sources)
+        counts = {self._angles.topic: angle_count, state_topic: state_count}
+        return ' and '.join(f'{topic} ({count})' for topic, count in counts.items() if count)
 
     def _on_crank_angle(self, data: bytes, info: Info) -> None:
         self._angles.count(info)

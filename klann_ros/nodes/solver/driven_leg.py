@@ -31,7 +31,6 @@ class SolverStatistics:
         self.residual = nan
         # The pose nearest to a singular one of each dyad; empty without any pose.
         self.worst: list[LinkagePose] = []
-        self._min_sines: list[float] = []
 
     def solve(self, pose: LinkagePose) -> None:
         """Count a solved pose."""
@@ -39,13 +38,10 @@ class SolverStatistics:
         self.inputs += 1
         self.iterations = max(self.iterations, pose.iterations)
         self.residual = max(pose.residual, self.residual)
-        sines = pose.sines
         if not self.worst:
-            self.worst = [pose] * len(sines)
-            self._min_sines = list(sines)
-        for i, sine in enumerate(sines):
-            if sine < self._min_sines[i]:
-                self._min_sines[i] = sine
+            self.worst = [pose] * len(pose.sines)
+        for i, sine in enumerate(pose.sines):
+            if sine < self.worst[i].sines[i]:
                 self.worst[i] = pose
 
     def reject(self, reason: str, *, is_fault: bool = True) -> None:

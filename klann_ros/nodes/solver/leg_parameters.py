@@ -114,11 +114,7 @@ class LegParameters:
         return f'linkage {printable(linkage.name)} ({printable(file)})'
 
     def changed(self, parameters: Sequence[Parameter]) -> dict[str, AnyLeg]:
-        """
-        Return the legs that parameters change, by name, with their new geometry.
-
-        A GeometryError says why they are no leg, or cannot be changed.
-        """
+        """Return the legs that parameters change, by name; a GeometryError for refused ones."""
         changed_legs: dict[str, AnyLeg] = {}
         values = {p.name: p.value for p in parameters if not self._is_unchanged_constant(p)}
         for driven in self.legs:

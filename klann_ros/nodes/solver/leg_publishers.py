@@ -110,12 +110,7 @@ class LegDescription:
 
 
 class LegMarkers:
-    """
-    Publisher of the legs as markers, while there are subscribers.
-
-    The fixed parts, pivots and foot paths, are published for each new subscriber and after each
-    change of a leg.
-    """
+    """Publisher of the legs as markers, while there are subscribers; fixed parts once for each."""
 
     def __init__(self, node: Node, legs: Sequence[DrivenLeg], frame_id: str) -> None:
         self._node, self._legs, self._frame_id = node, legs, frame_id

@@ -50,13 +50,7 @@ class SolverNode(ProcessNode):
         self._inputs = CrankInputs(
             self, list(joints), inputs, self._solve_and_publish, self._reject
         )
-        self._diagnostics = SolverDiagnostics(
-            self,
-            self._legs,
-            self._inputs,
-            period=values['diagnostics_period'],
-            min_transmission_angle=values['min_transmission_angle'],
-        )
+        self._diagnostics = SolverDiagnostics(self, self._legs, self._inputs, values)
         self._markers = (
             LegMarkers(self, self._legs, values['frame_id']) if values['publish_markers'] else None
         )
@@ -164,21 +158,20 @@ STALE_AFTER = 2.0
 
 
 class SolverDiagnostics:
-    """Publisher of a solver's diagnostics; a transmission angle below the minimum is a warning."""
+    """Publisher of a solver's diagnostics, by its parameters."""
 
     def __init__(
         self,
         node: Node,
         legs: Sequence[DrivenLeg],
         inputs: CrankInputs,
-        *,
-        period: float,
-        min_transmission_angle: float,
+        parameters: Mapping[str, Any],
     ) -> None:
         self._node = node
         self._legs = legs
         self._inputs = inputs
-        self._min_transmission_angle = min_transmission_angle
+        # A smaller one is a warning [rad].
+        self._min_transmission_angle: float = parameters['min_transmission_angle']
         self._lost_reported = 0
         # Times of the last report, and of each leg's last input, on the steady clock [s].
         self._last_report = monotonic()
@@ -186,7 +179,7 @@ class SolverDiagnostics:
         self._publisher = create_publisher(node, DiagnosticArray, '/diagnostics')
         self._types = TypeCheck(node, INPUT_TYPE_REMEDIES)
         self.legs_changed()
-        create_steady_timer(node, period, self._report)
+        create_steady_timer(node, parameters['diagnostics_period'], self._report)
 
     def legs_changed(self) -> None:
         """Let the next report find the arcs that the legs cannot reach."""

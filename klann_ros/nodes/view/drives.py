@@ -342,22 +342,18 @@ class Drives:
         if drive.owner is None:
             if leased.stops_left:
                 leased.stops_left -= 1
-                self._publish_walk(leased)
+                self._publish(leased, self._twist())
                 if not leased.stops_left:
                     self._put(lambda: self._destroy_publisher(leased))
         elif leased.waiting_since is None and isinstance(drive, WalkDrive):
-            self._publish_walk(leased, drive.forward, drive.turn)
+            self._publish(leased, self._twist(drive.forward, drive.turn))
         elif leased.waiting_since is None and isinstance(drive, LiveCrankDrive):
             self._publish(leased, Float64(data=drive.advance(now)))
             return _TURNING_PERIOD if drive.speed else _COMMAND_PERIOD
         return _COMMAND_PERIOD
 
     def _update_lease(self, leased: _LeasedDrive, now: float) -> str:
-        """
-        Announce the lease, and begin to drive once all others have yielded.
-
-        Returns the reason why a page must stop driving; '' for none.
-        """
+        """Announce the lease; drive once all have yielded; return why a page must stop, or ''."""
         is_uninterrupted = leased.lease.announce()
         owner = leased.drive.owner
         if leased.drive.is_lost(now):
@@ -372,9 +368,6 @@ class Drives:
             leased.start(owner, angle)
             self._put(self._on_change)
         return reason
-
-    def _publish_walk(self, leased: _LeasedDrive, forward: float = 0.0, turn: float = 0.0) -> None:
-        self._publish(leased, self._twist(forward, turn))
 
     def _twist(self, forward: float = 0.0, turn: float = 0.0) -> TwistStamped:
         message = TwistStamped()

@@ -32,7 +32,6 @@ from klann_ros.nodes.endpoints import (
     TypeCheck,
     UnknownMessageTypeError,
 )
-from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.walker import DiagnosticLevel, Fault, OdometryEstimate, Walker
 from nav_msgs.msg import Odometry
@@ -109,11 +108,7 @@ def twist_message(motion: Twist2D, frame: str, sec: int, nanosec: int) -> TwistS
 
 
 def read_pose(data: bytes, frame: str) -> tuple[Triple, tuple[Triple, Triple, Triple]]:
-    """
-    Read x, y and yaw of a geometry_msgs/PoseWithCovarianceStamped, and their covariance.
-
-    A ValueError for another frame, and for an invalid pose or covariance.
-    """
+    """Read x, y, yaw and their covariance of a PoseWithCovarianceStamped; or a ValueError."""
     message = deserialize_message(data, PoseWithCovarianceStamped)
     if message.header.frame_id not in ('', frame):
         raise ValueError(f'its frame is {printable(message.header.frame_id)}, not {frame}')
@@ -237,30 +232,21 @@ MAX_LOGGED = 5
 
 
 class WalkerReports:
-    """
-    Publisher of a walker's diagnostics, once in a period [s]; it logs faults and events.
-
-    With `described_robot` they contain the largest effort of each crank by the masses in its file.
-    """
+    """Publisher of a walker's diagnostics, by the node's parameters; it logs faults and events."""
 
     def __init__(
-        self,
-        node: Node,
-        walker: Walker,
-        clock: ControlClock,
-        period: float,
-        described_robot: Robot | None = None,
+        self, node: Node, walker: Walker, clock: ControlClock, parameters: Mapping[str, Any]
     ) -> None:
         self._node = node
         self._walker = walker
         self._clock = clock
-        # [N m] by joint.
+        # Largest effort of each crank by the masses in the robot's file [N m].
         self._described_efforts: dict[str, float] = {}
-        if described_robot is not None:
+        if parameters['max_effort']:
             # The data sheet takes 15 ms to import.
             from klann_ros.datasheet import peak_efforts  # noqa: PLC0415
 
-            self._described_efforts = peak_efforts(described_robot)
+            self._described_efforts = peak_efforts(walker.feet.robot)
         self._publisher: Any = create_publisher(node, DiagnosticArray, '/diagnostics')
         self._types = TypeCheck(node, TYPE_REMEDIES)
         self._logged_warnings: set[str] = set()
@@ -268,7 +254,7 @@ class WalkerReports:
         self._event_log_time = -EVENT_PERIOD
         self._logged_fault: Fault | None = None
         # Also where simulated time stands still.
-        create_steady_timer(node, period, self._publish)
+        create_steady_timer(node, parameters['diagnostics_period'], self._publish)
 
     def log_events(self) -> None:
         """Log a new fault, and now and then the events since the last line."""

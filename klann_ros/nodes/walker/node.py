@@ -73,13 +73,7 @@ class WalkerNode(ProcessNode):
         if parameters['publish_limited_velocity']:
             self._limited_motion = create_publisher(self, TwistStamped, 'cmd_vel_out')
         self._odom = OdomOutput(self, parameters)
-        self._reports = WalkerReports(
-            self,
-            self._walker,
-            self._control_clock,
-            parameters['diagnostics_period'],
-            described_robot=robot if parameters['max_effort'] else None,
-        )
+        self._reports = WalkerReports(self, self._walker, self._control_clock, parameters)
         self._offer_services()
         self._imu = ImuReader()
         self._has_imu = False
@@ -230,12 +224,11 @@ class WalkerNode(ProcessNode):
         """Take the readings of cranks of one message; publish odom, and the command if due."""
         walker = self._walker
         now = self._control_clock.now()
-        encoders = {}
-        for joint, reading in readings.items():
-            encoders[joint] = reading.position, reading.velocity
+        encoders = {joint: (r.position, r.velocity) for joint, r in readings.items()}
         # All readings of a message have its stamp, and either all an effort or none.
+        reading = next(iter(readings.values()))
         if reading.effort is not None:
-            efforts = {joint: reading.effort for joint, reading in readings.items()}
+            efforts = {joint: r.effort for joint, r in readings.items()}
             walker.take_efforts(efforts, now)
         age_since_sending = transport_age(info)
         stamp = reading.sec, reading.nanosec
