@@ -79,8 +79,8 @@ class CrankNode(ProcessNode):
         # simulated time may stand still or jump; the crank turns all the same.
         self._begin = inf
         self._begin_stamp = self.get_clock().now()
-        # The driver's topic, and its last angle [rad]; None without a driver, or before the first.
-        self._driver_topic: Any = None
+        # To a driver's angles, and the last one [rad]; None before the first.
+        self._driver_subscription: Any = None
         self._driver_angle: float | None = None
         self._lease = LeaseListener(self, self._output.publisher.topic_name, self._on_lease)
         self._start_timer = create_steady_timer(self, 0.02, self._start_if_ready)
@@ -157,10 +157,10 @@ class CrankNode(ProcessNode):
         topic = self._lease.topic
         if driver:
             self.get_logger().info(f'yields to {driver}, which drives {topic}')
-            self._driver_topic = self.create_subscription(Float64, topic, self._on_angle, 1)
+            self._driver_subscription = self.create_subscription(Float64, topic, self._on_angle, 1)
             return
         t = self._sent_count / self._rate
-        self.destroy_subscription(self._driver_topic)
+        self.destroy_subscription(self._driver_subscription)
         if self._driver_angle is not None:
             self._motion.resume(t, self._driver_angle)
         self._driver_angle = None

@@ -395,11 +395,11 @@ class DemoCommandPublisher:
         # The robot's time starts again at a reset.
         self._walker_time = min(self._walker_time, self._now())
         has_stood = self._now() >= self._walker_time + _STANDSTILL
-        self._is_driving = has_stood and not self._lease.holder and not self._has_others()
+        self._is_driving = has_stood and not self._lease.holder and not self._has_rivals()
         if self._is_driving:
             self._publisher.publish(self._command)
 
-    def _has_others(self) -> bool:
+    def _has_rivals(self) -> bool:
         """Return whether another node publishes cmd_vel, except a driver that has left."""
         # A driver that was killed is known to the middleware for 20 s more.
         publishers = other_publishers(self._node, self._publisher.topic_name)
