@@ -6,17 +6,15 @@ import sys
 # Distributions on PyPI with another name than their module.
 DISTRIBUTIONS = {'fontTools': 'fonttools', 'yaml': 'PyYAML'}
 # Modules that Ubuntu 24.04 has no package of.
-_ONLY_ON_PYPI = {
-    *('manifold3d', 'mcap', 'mujoco', 'pyarrow', 'pymoo', 'ray', 'rosbags', 'trimesh'),
-}
+_ONLY_ON_PYPI = ('manifold3d', 'mcap', 'mujoco', 'pyarrow', 'pymoo', 'ray', 'rosbags', 'trimesh')
 
 
 def install_command(module: str, extra: str = '') -> str:
     """
     Return the command that installs the package of a module.
 
-    Where ROS 2 is sourced it is the one that rosdep would run, but in a virtual environment: there
-    it is pip's, with the extra of this package that has the module, if there is one.
+    It is rosdep's where ROS 2 is sourced outside of a virtual environment, else pip's, with the
+    extra of this package that has the module.
     """
     distro = os.environ.get('ROS_DISTRO')
     is_virtual = sys.prefix != sys.base_prefix

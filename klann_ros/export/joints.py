@@ -18,21 +18,19 @@ def joint_table(linkage: Linkage) -> str:
     start, end = leg.reachable_arcs()[0]
     pose = leg.solve(start + ARC_PART * (end - start))
     positions = dict(zip(structure.points, 1e3 * pose.points, strict=True))
+    names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
     rows = ['name,x,y,links,type,angle,driven,traced']
     for name, (x, y) in positions.items():
-        owners = structure.owners[name]
-        links = ' '.join(GROUND if j == FIXED else structure.angles[j] for j in owners)
+        links = ' '.join(names[j] for j in structure.owners[name])
         motor = structure.crank.angle if name == structure.crank.points[0] else ''
-        rows.append(
-            f'{name},{x:.15g},{y:.15g},{links},R,,{motor},{"x" * (name == structure.foot)}'
-        )
+        trace = 'x' if name == structure.foot else ''
+        rows.append(f'{name},{x:.15g},{y:.15g},{links},R,,{motor},{trace}')
     for body in structure.bodies:
         if body.line:
             x, y = positions[body.line.end]
-            way = complex(*(positions[body.line.end] - positions[body.line.start]))
+            way = complex(x, y) - complex(*positions[body.line.start])
             if abs(way) < 1e-3 * linkage.size:
                 raise ExportError(f'{body.angle} is at the start of its line: no direction')
-            angle = degrees(phase(way))
-            row = f'line_{body.angle},{x:.15g},{y:.15g},{body.along} {body.angle},P,{angle:.15g},,'
-            rows.append(row)
+            place = f'{x:.15g},{y:.15g},{body.along} {body.angle}'
+            rows.append(f'line_{body.angle},{place},P,{degrees(phase(way)):.15g},,')
     return '\n'.join(rows) + '\n'

@@ -184,7 +184,11 @@ def _linkage(content: Any) -> Linkage:
         raise GeometryError(f'{error}{_describe_misspelling(content)}') from error
     _check_bends(content, radian)
     numbers = [unit * holder[key] for holder, key, unit in _slots(content, structure)]
-    _warn_of_lengths(structure, numbers, content.get('units', {}))
+    named_numbers = zip(structure.dimensions, numbers, strict=True)
+    lengths = {dimension.name: n for dimension, n in named_numbers if dimension.kind != 'bend'}
+    units = content.get('units', {})
+    angle = f', angle: {units["angle"]}' if 'angle' in units else ''
+    warn_of_lengths(lengths, '' if 'length' in units else f'write units: {{length: mm{angle}}}')
     signs = content.get('assembly')
     count = len(structure.groups)
     linkage = Linkage(
@@ -205,15 +209,6 @@ def _linkage(content: Any) -> Linkage:
     if has_points:
         return _linkage_from_pose(linkage, start_guess, signs)
     return _linkage_from_start(linkage, start_guess, signs, in_degrees=radian != 1.0)
-
-
-def _warn_of_lengths(
-    structure: Structure, numbers: Sequence[float], units: Mapping[str, str]
-) -> None:
-    dimensions = zip(structure.dimensions, numbers, strict=True)
-    lengths = {dimension.name: n for dimension, n in dimensions if dimension.kind != 'bend'}
-    angle = f', angle: {units["angle"]}' if 'angle' in units else ''
-    warn_of_lengths(lengths, '' if 'length' in units else f'write units: {{length: mm{angle}}}')
 
 
 def structure_of(content: Mapping[str, Any]) -> Structure:
@@ -331,23 +326,21 @@ def _linkage_from_start(
         _check_degrees(plain, tuple(start))
     try:
         linkage = plain.from_start(start)
+        if signs is None or linkage.assembly == tuple(signs):
+            return linkage
+        stated = f'and {list(signs)} is stated: leave one of them out'
+        problem = f'the start leads to the assembly {list(linkage.assembly)}, {stated}'
     except NotAssembledError as error:
-        assemblies = describe_assemblies(plain, start[0], in_degrees=in_degrees)
-        raise GeometryError(f'{error}; {assemblies}') from error
-    if signs is not None and linkage.assembly != tuple(signs):
-        assemblies = describe_assemblies(plain, start[0], in_degrees=in_degrees)
-        raise GeometryError(
-            f'the start leads to the assembly {list(linkage.assembly)}, and {list(signs)} is '
-            f'stated: leave one of them out; {assemblies}'
-        )
-    return linkage
+        problem = str(error)
+    assemblies = describe_assemblies(plain, start[0], in_degrees=in_degrees)
+    raise GeometryError(f'{problem}; {assemblies}')
 
 
 def _check_assembly(linkage: Linkage, signs: Sequence[int]) -> None:
     """Refuse signs that are not the linkage's assembly, or with which it closes nowhere."""
     if not linkage.is_dyadic:
-        msg = 'it has no start, which its coupled loops need: no assembly tells their branch'
-        raise GeometryError(msg)
+        needs = 'which its coupled loops need: no assembly tells their branch'
+        raise GeometryError(f'it has no start, {needs}')
     count = len(linkage.structure.groups)
     if len(signs) == count and closes_somewhere(linkage):
         return
@@ -358,29 +351,22 @@ def _check_assembly(linkage: Linkage, signs: Sequence[int]) -> None:
     msg = f'assembly {signs} is refused: possible are {possible}'
     if len(signs) != count:
         names = linkage.structure.angles
-        groups = []
-        for group in linkage.structure.groups:
-            groups.append(', '.join(names[j] for j in group))
-        blocks = '; '.join(groups)
+        blocks = '; '.join(', '.join(names[j] for j in g) for g in linkage.structure.groups)
         msg += f', a sign for each of the loops that are solved one after the other ({blocks})'
     raise GeometryError(msg)
 
 
 def _check_degrees(linkage: Linkage, start: tuple[float, ...]) -> None:
     """Refuse a start [rad] that can only be degrees."""
-    from_degrees = [*start]
-    is_large = False
-    for j, body in enumerate(linkage.structure.bodies):
-        if not body.slides:
-            from_degrees[j] = radians(start[j])
-            is_large |= abs(start[j]) > TURN
+    by_body = [*zip(linkage.structure.bodies, start, strict=True)]
+    from_degrees = tuple(x if body.slides else radians(x) for body, x in by_body)
+    is_large = any(abs(x) > TURN for body, x in by_body if not body.slides)
     closes = distance_to_assembly(linkage, start) <= MAX_START_ERROR
     if closes and not is_large:
         return
-    closes_in_degrees = distance_to_assembly(linkage, tuple(from_degrees)) <= MAX_START_ERROR
+    closes_in_degrees = distance_to_assembly(linkage, from_degrees) <= MAX_START_ERROR
     if closes_in_degrees or (is_large and not closes):
-        names = linkage.joint_names
-        coordinates = ', '.join(f'{n} {x:g}' for n, x in zip(names, start, strict=True))
+        coordinates = ', '.join(f'{body.angle} {x:g}' for body, x in by_body)
         assemblies = describe_assemblies(linkage, from_degrees[0], in_degrees=True)
         raise GeometryError(
             f'the start ({coordinates}) is in radians near no pose in which it closes; '
