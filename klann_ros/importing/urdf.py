@@ -158,14 +158,15 @@ def _loop_hinges(closures: Mapping[str, Any], frames: Frames, max_gap: float) ->
         (pose, body), (child_pose, child_body) = (frames[link] for link in ends)
         # A `point`, and its axis, are in the root's frame.
         pose = np.eye(4) if 'point' in loop else pose
-        position = _position(pose, loop.get('point') or loop['parent_xyz'])
+        position = pose @ [*_numbers(loop.get('point') or loop['parent_xyz']), 1.0]
         axis = _numbers(loop.get('axis', (0.0, 0.0, 0.0)))
         axis = pose[:3, :3] @ axis * (np.linalg.norm(axis) > _MIN_AXIS)
         if 'point' not in loop:
-            gap = float(np.linalg.norm(_position(child_pose, loop['child_xyz']) - position))
+            child_position = child_pose @ [*_numbers(loop['child_xyz']), 1.0]
+            gap = float(np.linalg.norm(child_position - position))
             if gap > max_gap:
                 raise MechanismError(f'{listed([name])} is {gap:.3g} m open at joint zero')
-        yield _Hinge(name, (body, child_body), position, axis)
+        yield _Hinge(name, (body, child_body), position[:3], axis)
 
 
 def _planar_joints(hinges: Sequence[_Hinge]) -> Iterator[Joint]:
@@ -199,11 +200,6 @@ def _link(element: ET.Element, tag: str) -> str:
 def _vector(element: ET.Element, tag: str, key: str, default: str = '0 0 0') -> FloatArray:
     part = element.find(tag)
     return _numbers((default if part is None else part.get(key, default)).split())
-
-
-def _position(pose: FloatArray, values: Sequence[Any]) -> FloatArray:
-    """Return a position in a frame in the root's [m]."""
-    return np.asarray(pose[:3, :3] @ _numbers(values) + pose[:3, 3])
 
 
 def _numbers(values: Sequence[Any]) -> FloatArray:
