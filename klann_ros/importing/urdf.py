@@ -1,7 +1,7 @@
 """The planar linkage in a URDF, whose loops are in `loop_closures.yaml`, as pins and sliders."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from operator import itemgetter
@@ -79,19 +79,16 @@ def read_urdf(text: str, loops: str) -> list[Joint]:
             hinges.append(_Hinge(name, (body,), pose[:3, 3], np.zeros(3)))
     driven = closures['independent'] or closures['actuated_joints']
     joints: list[Joint] = []
-    for joint in _planar_joints(hinges):
+    for joint in _planar_joints(hinges, driven):
         # A pin of several links has a joint for each pair in a URDF; a frame may be at a pin.
-        is_driven = joint.name in driven
-        for number, earlier in enumerate(joints):
-            distance = 1e-3 * abs(earlier.position - joint.position)
-            is_pin = joint.kind == earlier.kind == PIN
-            if is_pin and distance <= _SAME_PLACE * size and {*joint.links} & {*earlier.links}:
-                links = (*earlier.links, *joint.links)
-                is_driven |= earlier.is_driven
-                joints[number] = replace(earlier, links=links, is_driven=is_driven)
+        for number, pin in enumerate(joints):
+            is_pin = joint.kind == pin.kind == PIN and {*joint.links} & {*pin.links}
+            if is_pin and abs(pin.position - joint.position) <= 1e3 * _SAME_PLACE * size:
+                is_driven = pin.is_driven or joint.is_driven
+                joints[number] = replace(pin, links=pin.links + joint.links, is_driven=is_driven)
                 break
         else:
-            joints.append(replace(joint, is_driven=is_driven))
+            joints.append(joint)
     return joints
 
 
@@ -169,7 +166,7 @@ def _loop_hinges(closures: Mapping[str, Any], frames: Frames, max_gap: float) ->
         yield _Hinge(name, (body, child_body), position[:3], axis)
 
 
-def _planar_joints(hinges: Sequence[_Hinge]) -> Iterator[Joint]:
+def _planar_joints(hinges: Sequence[_Hinge], driven: Container[str]) -> Iterator[Joint]:
     """Yield joints in the plane across the pins' axes [mm]."""
     pins = [hinge for hinge in hinges if hinge.kind == PIN and hinge.axis.any()]
     if not pins:
@@ -181,16 +178,18 @@ def _planar_joints(hinges: Sequence[_Hinge]) -> Iterator[Joint]:
     up /= np.linalg.norm(up)
     right = np.cross(up, normal)
     right *= 1.0 if right.sum() > 0.0 else -1.0
+    plane = np.array([right, up])
     for hinge in hinges:
-        x, y = np.round(1000.0 * np.array([right, up]) @ hinge.position, 9)
+        x, y = np.round(1000.0 * plane @ hinge.position, 9)
         length = float(np.linalg.norm(hinge.axis)) or 1.0
-        direction = complex(*np.round(np.array([right, up]) @ hinge.axis / length, 15))
+        direction = complex(*np.round(plane @ hinge.axis / length, 15))
         # A slider is across the normal, a pin along it.
         along = complex(hinge.axis @ normal) / length
         if abs(along if hinge.kind == SLIDER else direction) > _MAX_SINE:
             names = listed([pins[0].name, hinge.name])
             raise MechanismError(f'{names} move in different planes: only planar robots are read')
-        yield Joint(hinge.name, complex(x, y), hinge.bodies, hinge.kind, direction)
+        is_driven = hinge.name in driven
+        yield Joint(hinge.name, complex(x, y), hinge.bodies, hinge.kind, direction, is_driven)
 
 
 def _link(element: ET.Element, tag: str) -> str:

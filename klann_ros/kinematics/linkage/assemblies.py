@@ -207,13 +207,9 @@ def describe_assemblies(linkage: Linkage, alpha: float, *, in_degrees: bool) -> 
         return f'{text}, in {list(possible)} it does at {" and ".join(spans)}'
     texts = []
     for pose in poses[:MAX_NAMED]:
-        angles = []
-        lengths = []
-        for body, x in zip(linkage.structure.bodies[1:], pose.x, strict=True):
-            if body.slides:
-                lengths.append(f'{body.angle} {x:.4g}')
-            else:
-                angles.append(f'{body.angle} {in_unit(x):.4g}')
+        by_body = [*zip(linkage.structure.bodies[1:], pose.x, strict=True)]
+        angles = [f'{body.angle} {in_unit(x):.4g}' for body, x in by_body if not body.slides]
+        lengths = [f'{body.angle} {x:.4g}' for body, x in by_body if body.slides]
         coordinates = [', '.join(angles) + f' {unit}'] if angles else []
         coordinates += [', '.join(lengths) + ' m'] if lengths else []
         texts.append(f'{list(pose.linkage.assembly)} ({", ".join(coordinates)})')
