@@ -246,3 +246,16 @@ def test_a_urdf_of_no_linkage_is_refused_in_one_line(
     assert out == ''
     assert err.count('\n') == 1
     assert says in err
+
+
+def test_only_a_urdf_asks_for_its_loops(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, KNEE, '')
+    (tmp_path / 'loop_closures.yaml').write_bytes(b'\xff')
+    for form, says in (
+        ('urdf', 'loop_closures.yaml cannot be read'),
+        ('linkage2', 'no <linkage2>'),
+    ):
+        assert main([path, '--form', form]) == 2
+        assert says in capsys.readouterr().err
