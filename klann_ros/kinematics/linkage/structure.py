@@ -10,7 +10,7 @@ from typing import NamedTuple
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.sanitize.text import did_you_mean
 
-from .topology import assembly_order, Group, loop_paths, Path
+from .topology import assembly_order, Graph, Group, loop_paths, Path
 
 UNITS = {'length': 'm', 'brace': 'm', 'x': 'm', 'y': 'm', 'bend': 'rad'}
 # The name of the ground as a carrier of sliding bodies, and its index among the bodies.
@@ -222,11 +222,7 @@ class Structure:
     @cached_property
     def bars(self) -> tuple[tuple[int, Bar], ...]:
         """Return all bars, each with its body."""
-        bars = []
-        for j, body in enumerate(self.bodies):
-            for bar in body.bars:
-                bars.append((j, bar))
-        return tuple(bars)
+        return tuple((j, bar) for j, body in enumerate(self.bodies) for bar in body.bars)
 
     @cached_property
     def owners(self) -> dict[str, tuple[int, ...]]:
@@ -270,10 +266,8 @@ class Structure:
     @cached_property
     def carriers(self) -> tuple[int, ...]:
         """Return the body whose vector each bar multiplies, FIXED for none: see `joints`."""
-        carriers = []
-        for number, (body, _) in enumerate(self.bars):
-            carriers.append(body if number in self.lines else self.frames[body])
-        return tuple(carriers)
+        bars = enumerate(self.bars)
+        return tuple(j if n in self.lines else self.frames[j] for n, (j, _) in bars)
 
     @cached_property
     def _first_bars(self) -> dict[int, int]:
@@ -291,7 +285,7 @@ class Structure:
     def groups(self) -> tuple[Group, ...]:
         """Return the bodies that are placed together, in the order in which they are placed."""
         points = [body.points for body in self.bodies]
-        return tuple(assembly_order(self.pivots, points, self.angles, self.along))
+        return tuple(assembly_order(Graph(self.pivots, points, self.angles, self.along)))
 
     @cached_property
     def paths(self) -> 'Paths':

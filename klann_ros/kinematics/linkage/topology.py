@@ -28,35 +28,30 @@ MAX_BODIES = 25
 Group = tuple[int, ...]
 
 
-class _Graph(NamedTuple):
-    """The fixed points, the points of each body, and the bodies' names."""
+class Graph(NamedTuple):
+    """The fixed points, and the bodies."""
 
     pivots: Sequence[str]
+    # The points of each body, its name in errors, and the body that it slides along: -1 for the
+    # ground, None if it turns.
     bodies: Sequence[Sequence[str]]
     names: Sequence[str]
     along: Sequence[int | None]
 
 
-def assembly_order(
-    pivots: Sequence[str],
-    bodies: Sequence[Sequence[str]],
-    names: Sequence[str],
-    along: Sequence[int | None],
-) -> list[Group]:
+def assembly_order(graph: Graph) -> list[Group]:
     """
     Return the groups of bodies in the order in which they are placed; the crank is body 0.
 
     Two bodies are a dyad, four or more coupled loops. A GeometryError says why the crank does not
     determine the motion: the loops have fewer or more equations than unknown angles, as a whole
-    or in a part. Bodies are given by their points, by their names in errors,
-    and by the body that they slide along: -1 for the ground, None if they turn.
+    or in a part.
     """
-    graph = _Graph(pivots, bodies, names, along)
     _check_connected(graph)
     if _count_loops(graph, (0,)):
-        raise GeometryError(f'the crank {names[0]} holds two pivots and cannot turn')
+        raise GeometryError(f'the crank {graph.names[0]} holds two pivots and cannot turn')
     placed: Group = (0,)
-    waiting = tuple(range(1, len(bodies)))
+    waiting = tuple(range(1, len(graph.bodies)))
     groups = []
     while waiting:
         group = _next_group(graph, placed, waiting)
@@ -68,7 +63,7 @@ def assembly_order(
     return groups
 
 
-def _next_group(graph: _Graph, placed: Group, waiting: Group) -> Group:
+def _next_group(graph: Graph, placed: Group, waiting: Group) -> Group:
     """Return the fewest bodies that close a loop for every two of them."""
     loop_count = _count_loops(graph, placed)
     for size in range(1, len(waiting) + 1):
@@ -87,22 +82,17 @@ def _next_group(graph: _Graph, placed: Group, waiting: Group) -> Group:
             if equations == size:
                 return group
     total = _count_loops(graph, placed + waiting)
-    loose = []
-    for j in waiting:
-        if _count_loops(graph, {*placed, *waiting} - {j}) == total:
-            loose.append(j)
+    loose = [j for j in waiting if _count_loops(graph, {*placed, *waiting} - {j}) == total]
     names = ', '.join(graph.names[j] for j in loose or waiting)
     if loose:
-        msg = f'{names}: turns freely, since no loop closes over it'
-    else:
-        msg = (
-            f'the crank alone does not move it in one definite way: {len(waiting)} unknown angles '
-            f'({names}) and {2 * (total - loop_count)} loop equations'
-        )
-    raise GeometryError(msg)
+        raise GeometryError(f'{names}: turns freely, since no loop closes over it')
+    raise GeometryError(
+        f'the crank alone does not move it in one definite way: {len(waiting)} unknown angles '
+        f'({names}) and {2 * (total - loop_count)} loop equations'
+    )
 
 
-def _count_loops(graph: _Graph, bodies: Iterable[int]) -> int:
+def _count_loops(graph: Graph, bodies: Iterable[int]) -> int:
     """Return the number of independent loops of some bodies and the ground."""
     parent: dict[str, str] = {}
 
@@ -126,11 +116,11 @@ def _count_loops(graph: _Graph, bodies: Iterable[int]) -> int:
     return loops
 
 
-def _check_connected(graph: _Graph) -> None:
+def _check_connected(graph: Graph) -> None:
     """Raise a GeometryError if a body is connected to no pivot."""
     if len(graph.bodies) > MAX_BODIES:
-        msg = f'there are {len(graph.bodies)} bodies: more than {MAX_BODIES} are not solved'
-        raise GeometryError(msg)
+        count = len(graph.bodies)
+        raise GeometryError(f'there are {count} bodies: more than {MAX_BODIES} are not solved')
     reached: set[str | int] = {-1, *graph.pivots}
     unreached = list(range(len(graph.bodies)))
     while unreached:
