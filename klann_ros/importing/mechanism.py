@@ -36,8 +36,8 @@ class Joint:
 
     @property
     def pinned(self) -> tuple[str, ...]:
-        """Return the links that have the joint as a point."""
-        return self.links if self.kind == PIN else self.links[1:]
+        """Return the links that are pinned together at the joint; a slider has no pin."""
+        return {PIN: self.links, PIN_IN_SLOT: self.links[1:]}.get(self.kind, ())
 
     def renamed(self, names: Mapping[str, str]) -> 'Joint':
         """Return the joint with other names of links; a slider on a single link is a point."""
@@ -61,8 +61,7 @@ def linkage_content(joints: Sequence[Joint], crank: str = '', foot: str = '') ->
     pivot, crank = _pivot_and_crank(joints, link_names.get(crank, crank))
     points: Points = {GROUND: {}, crank: {pivot.name: pivot.position}}
     for joint in joints:
-        # A slider's point may be another joint of its link.
-        for link in joint.pinned if joint.kind != SLIDER else ():
+        for link in joint.pinned:
             points.setdefault(link, {})[joint.name] = joint.position
     slides = _slides(joints, crank, points)
     bodies: dict[str, Any] = {}
@@ -162,9 +161,9 @@ def _slides(joints: Sequence[Joint], crank: str, points: Points) -> dict[str, di
         if slider in guided or (further and joint.kind == SLIDER):
             raise MechanismError(f'{listed(joint.links)} slide in more than one way')
         members = points.setdefault(slider, {})
-        name = joint.name if slider in joint.pinned else f'{joint.name}__slide'
+        name = joint.name if slider != joint.links[0] else f'{joint.name}__slide'
+        # The point that slides is the first; another joint of the link may be in its place.
         name = next((n for n, place in members.items() if place == joint.position), name)
-        # The point that slides is the first.
         points[slider] = {name: joint.position, **members}
         # Farther than any joint, so that it is in no other's place.
         length = 1.1 * max(abs(other.position - joint.position) for other in joints)

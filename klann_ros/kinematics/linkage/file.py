@@ -287,11 +287,7 @@ def _body_bars(body: Mapping[str, Any]) -> list[Any]:
 def _linkage_from_pose(
     plain: Linkage, start: Sequence[float], signs: Sequence[int] | None
 ) -> Linkage:
-    """
-    Return a linkage in the assembly of its points; at a dead point, in the one of `signs`.
-
-    A GeometryError says that these are missing, or that the points are in another assembly.
-    """
+    """Return a linkage in the assembly of its points; at a dead point, in the one of `signs`."""
     u = plain.vectors(start[0], start[1:])
     choices: list[tuple[int, ...]] = []
     for block in plain.blocks:
@@ -319,8 +315,7 @@ def _linkage_from_start(
     Return a linkage, which is in any assembly, in the one that its start leads to.
 
     `start` is an angle for every body, the crank's first [rad], or a distance [m]; `signs` is the
-    assembly that the file states beside it. A GeometryError says that the start can only be
-    degrees, leads nowhere, or to another assembly, and names those that there are.
+    assembly that the file states beside it. A GeometryError names the assemblies that there are.
     """
     if not in_degrees:
         _check_degrees(plain, tuple(start))

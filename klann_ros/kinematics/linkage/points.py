@@ -36,7 +36,7 @@ def by_bars(content: dict[str, Any]) -> dict[str, Any]:
     Return the content of a linkage's file with pivots, bodies and start in the place of points.
 
     The bars of a link lead from its first point to the others. Content without points is returned
-    as it is. The schema has been checked. A GeometryError names points and links that do not fit.
+    as it is. A GeometryError names points and links that do not fit.
     """
     if 'points' not in content:
         return content
