@@ -14,10 +14,11 @@ from processes import Command, last_lines, run
 from source import ROOT
 
 NAMES = ('colcon', 'mypy', 'docs', 'ruff', 'format', 'pytest')
-# Run where they are asked for: ROS's linters take 40 s, and ruff with test/style refuses the same
-# in one; pyodide fetches 90 MB; mypy for other systems finds names that they lack.
+# Run where they are asked for: `slow` is what costs much and rarely breaks (pytest.mark.slow);
+# ROS's linters take 40 s, and ruff with test/style refuses the same in one; pyodide fetches 90 MB;
+# mypy for other systems finds names that they lack.
 PLATFORMS = {'mypy_windows': 'win32', 'mypy_macos': 'darwin'}
-EXTRA = ('ament_flake8', 'ament_pep257', 'pyodide', *PLATFORMS)
+EXTRA = ('slow', 'ament_flake8', 'ament_pep257', 'pyodide', *PLATFORMS)
 FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
 # Computing tests run beside tests that wait for processes; see test/conftest.py.
 WORKERS = ('--workers', '5')
@@ -56,14 +57,14 @@ def main(arguments: list[str]) -> int:
         if 'colcon' in names:
             # Without it the tests build the package themselves.
             variables['KLANN_ROS_COLCON_PREFIX'] = f'{work}/install'
-        if {'pytest', 'pyodide'} & {*names} and (advice := browser.provide(env, work)):
+        if {'pytest', 'slow', 'pyodide'} & {*names} and (advice := browser.provide(env, work)):
             print(f'{"browser":14}FAILED    {advice}')
             failed.append('browser')
         commands = _commands(env, work, pytest_arguments)
         requested = [name for name in commands if name in names and name != 'pytest']
 
         def passes(name: str) -> bool:
-            prefix = () if name in (FIRST, 'pytest', 'alone') else IN_BACKGROUND
+            prefix = () if name in (FIRST, 'pytest', 'alone', 'slow') else IN_BACKGROUND
             return _passes(name, [*prefix, *commands[name]], variables, work, slowness * TIMEOUT)
 
         verdicts = {}
@@ -125,6 +126,7 @@ def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict
         **{name: _portable_mypy(env, PLATFORMS[name]) for name in PLATFORMS},
         'pyodide': [env.python, 'scripts/support/pyodide.py', work / 'pyodide'],
         'pytest': [*env.tool('pytest'), *WORKERS, *pytest_arguments],
+        'slow': [*env.tool('pytest'), *WORKERS, '-m', 'slow', *pytest_arguments],
         'alone': [*env.tool('pytest'), '--last-failed', '--last-failed-no-failures=none'],
     }
 

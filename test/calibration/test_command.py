@@ -119,6 +119,7 @@ POINTS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('point', POINTS)
 def test_every_type_of_measured_point_is_read(leg_run: Path, tmp_path: Path, point: str) -> None:
     numbers = tmp_path / 'c.json'

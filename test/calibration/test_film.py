@@ -108,6 +108,7 @@ def project(state: Any) -> np.ndarray:
     return np.array(places)
 
 
+@pytest.mark.slow
 def test_a_filmed_leg_is_calibrated_without_an_encoder() -> None:
     numbers, times, tracks = film(1)
     (leg,) = robot_of('sem104').legs

@@ -84,6 +84,7 @@ def test_errors_are_as_large_as_their_standard_errors() -> None:
     assert 0.92 <= np.mean(np.abs(normalized_errors) < 1.96) <= 0.98
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['jansen', 'quick_return', 'stephenson', 'watt_six_bar'])
 def test_errors_of_other_linkages_match_their_standard_errors(name: str) -> None:
     drawn = shipped_linkage(name)
@@ -97,6 +98,7 @@ def test_errors_of_other_linkages_match_their_standard_errors(name: str) -> None
     assert (np.abs(errors(calibration, robot)[is_observable]) < 4.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'angle', 'seed'),
     [('ghassaei', '', 7), ('ghassaei', '', 65), ('stephenson', 'beta', 4)],
@@ -212,6 +214,7 @@ def test_distances_measure_as_well() -> None:
 # Faults.
 
 
+@pytest.mark.slow
 def test_outliers_enlarge_the_errors_by_little() -> None:
     clean_ratios, dirty_ratios, outlier_shares = [], [], []
     for seed in range(4):
@@ -242,6 +245,7 @@ def test_dropped_repeated_and_missing_samples_cost_nothing() -> None:
     assert (np.abs(errors(calibration, robot)) < 4.0).all()
 
 
+@pytest.mark.slow
 def test_a_late_clock_is_found_where_the_speed_changes() -> None:
     robot = Robot(count=2000)
     crank, late = (robot.speed * t + 0.8 * np.sin(2.0 * t) for t in delayed(robot.times, -0.020))
@@ -289,6 +293,7 @@ def late_robot(seed: int, name: str, points: str) -> np.ndarray:
     return np.array((calibration.values - truth) / calibration.standard_errors)
 
 
+@pytest.mark.slow
 def test_errors_of_late_robots_are_as_large_as_their_standard_errors() -> None:
     # By chords and a first order of the delay it was 73 to 77 %.
     robots = [(0, 'sem104', 'HG'), (1, 'sem104', 'HG'), (2, 'sem104', 'HF')]
@@ -305,6 +310,7 @@ def test_errors_of_late_robots_are_as_large_as_their_standard_errors() -> None:
     assert observable_errors.max() < 4.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('step', 'noise', 'is_named'), [(1, 0.0, False), (1, 2e-3, False), (10, 0.0, True)]
 )
@@ -338,6 +344,7 @@ def test_residuals_beyond_the_stated_noise_enlarge_the_standard_errors() -> None
     assert stated[0].chi2_dof == pytest.approx(9.0, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('jitter', 'is_visible'), [(2e-4, False), (3e-4, True)])
 def test_noise_of_the_crank_counts_from_4_standard_errors_on(
     jitter: float, *, is_visible: bool
@@ -350,6 +357,7 @@ def test_noise_of_the_crank_counts_from_4_standard_errors_on(
         assert calibration.crank_noise == pytest.approx(is_visible * jitter, rel=0.25)
 
 
+@pytest.mark.slow
 def test_a_late_clock_that_no_leg_explains_is_named() -> None:
     # It was taken for a camera in another pose.
     drawn = shipped_linkage('jansen')
@@ -401,6 +409,7 @@ def test_a_coarse_encoder_shows_as_noise_of_the_crank() -> None:
     assert (np.abs(errors(calibration, robot)) < 4.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('assembly', 'direction', 'words'),
     [((1, -1), 1, r'assembly \[1, -1\]'), ((1, 1), -1, 'direction -1')],
@@ -431,6 +440,7 @@ def test_measurements_of_another_leg_are_refused(change: Any, words: str) -> Non
         calibrate(DRAWN, [robot.series('H', change(robot.seen('H')))])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'point', 'change', 'words'),
     [
@@ -518,6 +528,7 @@ def pinhole(points: np.ndarray) -> np.ndarray:
     return np.column_stack([900.0 * (x - 0.05 * y) / depth + 40.0, 880.0 * y / depth - 7.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('see', 'camera'),
     [
@@ -540,6 +551,7 @@ def test_a_camera_of_any_pose_gives_the_lengths_within_a_tolerance(see: Any, cam
     assert np.isnan(without.dimension('l_gh')[1]) == (camera != 'unknown')
 
 
+@pytest.mark.slow
 def test_pixels_with_y_down_are_named() -> None:
     robot = Robot(count=300, period=0.02)
     pixels = filmed(robot, lambda points: points * (700.0, -700.0) + 300.0)

@@ -77,6 +77,7 @@ def test_a_sheet_has_all_turns_until_the_linkage_is_back() -> None:
     assert 'of 2 turns' in page(full)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'unbounded'),
     [
@@ -158,6 +159,7 @@ def test_the_torque_of_a_load_follows_from_virtual_work(sheet: DataSheet) -> Non
     assert crank.loaded.torque - crank.empty.torque == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'name', ['klann_high_step', 'jansen', 'hoecken', 'config/walker6_two_motors.yaml']
 )
@@ -204,6 +206,7 @@ def test_a_joint_carries_the_legs_that_it_turns_by_their_phases() -> None:
         assert crank.empty.torque == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_legs_that_differ_have_a_sheet_each() -> None:
     names = ['one', 'two', 'three', 'four']
     lengths = {f'{name}.{key}': value for name in names for key, value in LENGTHS.items()}
@@ -273,6 +276,7 @@ def test_a_torque_undefined_in_line_makes_the_motor_verdict_a_fault(tmp_path: Pa
     assert not re.search('nan|inf', ' '.join(attributes))
 
 
+@pytest.mark.slow
 def test_the_cost_of_transport_is_power_by_weight_and_speed() -> None:
     robot = robot_from_file(ROOT / 'config' / 'walker6_two_motors.yaml')
     speed = -3.0

@@ -178,6 +178,7 @@ def test_a_killed_search_is_resumed(out: Path, undisturbed: str) -> None:
     assert (out / 'design.json').read_text() == undisturbed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('evaluations', 'jobs'), [(0, 1), (1, 2)])
 def test_ctrl_c_keeps_the_legs_found(out: Path, evaluations: int, jobs: int) -> None:
     """At the begin of the first round, and as the workers of the next start."""
@@ -200,6 +201,7 @@ def test_ctrl_c_keeps_the_legs_found(out: Path, evaluations: int, jobs: int) -> 
         assert json.loads((out / 'design.json').read_text())['legs']
 
 
+@pytest.mark.slow
 def test_ctrl_c_in_the_proof_ends_it(out: Path) -> None:
     process = started(1, program=PROGRAM_STOPPED_IN_PROOF)
     _, error = process.communicate(timeout=300)

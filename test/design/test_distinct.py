@@ -81,6 +81,7 @@ def test_the_names_and_the_order_of_links_do_not_count() -> None:
     assert distance(renamed, linkage_from_text(drawn, 'drawn'), can_turn=False) == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'content',
     [

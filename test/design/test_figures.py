@@ -91,6 +91,7 @@ def reference(request: pytest.FixtureRequest) -> tuple[Linkage, dict[str, float]
     return linkage, figures
 
 
+@pytest.mark.slow
 @settings(max_examples=3, phases=[Phase.explicit, Phase.generate])
 @given(st.sampled_from([0.01, 1.0, 30.0]), st.integers(-3, 3), st.integers(-3, 3), st.booleans())
 def test_a_figure_depends_on_no_origin_unit_or_side(
@@ -112,6 +113,7 @@ def test_a_figure_depends_on_no_origin_unit_or_side(
         assert moved_figures[name] == pytest.approx(wanted, rel=tolerance, abs=1e-6 * scale), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('angle', [0.4, -2.0])
 def test_a_figure_of_the_mechanism_alone_does_not_depend_on_its_attitude(
     reference: tuple[Linkage, dict[str, float]], angle: float

@@ -74,6 +74,7 @@ def test_the_six_bars_are_watts_and_stephensons() -> None:
     assert kinds == {True, False}
 
 
+@pytest.mark.slow
 def test_candidates_close_where_they_are_drawn() -> None:
     grown = {'dyads': 1, 'sliders': True, 'crank': [0.02, 0.03]}
     requirements = requirements_from({'grow': grown})
@@ -94,6 +95,7 @@ def test_candidates_close_where_they_are_drawn() -> None:
 EIGHT = [[60.0 * np.cos(t), 30.0 * np.sin(2.0 * t)] for t in np.arange(0.0, 6.28, 0.1)]
 
 
+@pytest.mark.slow
 def test_a_grown_leg_follows_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refine, 'MAX_STEPS', 40)
     monkeypatch.setattr(sys.modules[search.__module__], 'REFINED_CANDIDATES', 4)
@@ -110,6 +112,7 @@ def test_a_grown_leg_follows_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert robot_from_file(file).legs[0].linkage == leg.linkage
 
 
+@pytest.mark.slow
 def test_grown_legs_with_sliders_have_the_crank_wished_for() -> None:
     requirements = requirements_from(
         {

@@ -19,6 +19,7 @@ pytest.importorskip('playwright')
 if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
 
+pytestmark = pytest.mark.slow
 ALL = ('legs', 'none', 'hostile', 'walkers')
 FIGURES = dict.fromkeys(('stride', 'lift', 'transmission_angle', 'duty_factor'), 'maximize')
 

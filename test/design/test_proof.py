@@ -239,6 +239,7 @@ def test_a_tolerance_as_large_as_a_bar_is_refused() -> None:
     refusal(FOUR_BAR, units={'length': 'mm'}, tolerance=90)
 
 
+@pytest.mark.slow
 def test_the_load_the_speed_and_the_motor_are_those_of_the_requirements(tmp_path: Path) -> None:
     (tmp_path / 'motor.yaml').write_text(MOTOR)
     kind: dict[str, Any] = {'motor': str(tmp_path / 'motor.yaml')}
@@ -254,6 +255,7 @@ def test_the_load_the_speed_and_the_motor_are_those_of_the_requirements(tmp_path
     assert faster['motor_margin'] == pytest.approx(first['motor_margin'] * 5.0 / 9.0)
 
 
+@pytest.mark.slow
 def test_the_motor_of_a_walker_turns_several_legs(tmp_path: Path) -> None:
     motor = tmp_path / 'motor.yaml'
     motor.write_text(MOTOR)
@@ -289,6 +291,7 @@ def test_parts_that_cannot_be_made_refuse_a_leg() -> None:
     assert 'a bar wider than its hole' in str(error)
 
 
+@pytest.mark.slow
 def test_a_walker_is_proven_from_its_file() -> None:
     klann = shipped_linkage('klann')
     options = {'walker': {'legs': 8}, 'speed': 2}
@@ -304,6 +307,7 @@ def test_a_walker_is_proven_from_its_file() -> None:
     proven(klann, 'klann', **options, figures={'speed': {'at_least': speed}})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['jansen', 'ghassaei'])
 def test_the_legs_of_a_group_stand_together(name: str) -> None:
     stance = foot_path(LinkageLeg(shipped_linkage(name))).stance()
@@ -316,6 +320,7 @@ def test_the_legs_of_a_group_stand_together(name: str) -> None:
         assert walk.slid < 0.11 * stance.ground_covered
 
 
+@pytest.mark.slow
 def test_a_leg_without_a_stance_is_no_walker(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
         raise proof.NoWalkerError('no walker')
@@ -337,6 +342,7 @@ def test_coupled_loops_are_proven_on_their_branch(monkeypatch: pytest.MonkeyPatc
     assert leg.reached['stride'] == pytest.approx(0.0734358, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_mass_of_a_leg_is_no_load_of_the_crank() -> None:
     requirements = requirements_from({'linkage': 'sem104', 'load': 1})
     (space,) = requirements.spaces

@@ -52,6 +52,7 @@ def test_every_leg_closes_all_round_in_one_assembly_mode(design: SearchResult) -
         assert leg.margins
 
 
+@pytest.mark.slow
 def test_the_figures_are_those_of_describe(design: SearchResult, tmp_path: Path) -> None:
     for leg in design.legs[:2]:
         file = tmp_path / 'leg.yaml'
@@ -139,6 +140,7 @@ def test_as_many_candidates_are_judged_as_are_allowed_and_reported(
     assert search_result.proven >= len(search_result.legs)
 
 
+@pytest.mark.slow
 def test_requirements_that_no_leg_fulfils_name_the_figure_and_by_how_much() -> None:
     figures = {'stride': {'at_least': 900}, 'lift': {'at_least': 100}}
     units = {'length': 'mm'}
@@ -182,6 +184,7 @@ def test_a_candidate_that_jams_never_beats_one_that_turns() -> None:
     assert turns[order].tolist() == sorted(turns, reverse=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('timing', ['free', 'prescribed'])
 def test_a_limit_of_the_path_is_judged_after_refinement(
     timing: str, monkeypatch: pytest.MonkeyPatch
@@ -205,6 +208,7 @@ def test_a_limit_of_the_path_is_judged_after_refinement(
     assert float(reason.split()[-2]) < 2.0 * attainable
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('path', [{}, {'path': {'file': 'jansen_path.csv'}}])
 def test_a_candidate_outside_of_its_limits_is_refined_into_them(
     path: Mapping[str, object], monkeypatch: pytest.MonkeyPatch
@@ -232,6 +236,7 @@ def test_a_search_without_turning_legs_is_reported() -> None:
     assert none.reasons[0].startswith('no candidate turns fully')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('linkage', ['klann', 'slider_crank'])
 def test_every_figure_that_no_leg_has_is_named_with_its_shortfall(linkage: str) -> None:
     names = []
@@ -246,6 +251,7 @@ def test_every_figure_that_no_leg_has_is_named_with_its_shortfall(linkage: str) 
     assert 'nan' not in ' '.join(none.reasons)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'content',
     [
@@ -336,6 +342,7 @@ def test_a_figure_without_a_value_is_a_reason_in_words(lifts: list[float]) -> No
     assert reason == f'lift at least 0.5 m: {best}'
 
 
+@pytest.mark.slow
 def test_a_parallelogram_by_construction_is_found() -> None:
     search_result = searched(
         {

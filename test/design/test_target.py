@@ -146,6 +146,7 @@ def test_repeated_points_do_not_bend_a_curve() -> None:
     assert Target(repeated).samples == pytest.approx(Target(points).samples, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('timing', ['free', 'prescribed'])
 @pytest.mark.parametrize('name', ['klann', 'stephenson'])
 def test_derivatives_of_corresponding_feet_are_differences(name: str, timing: str) -> None:
@@ -169,6 +170,7 @@ def test_derivatives_of_corresponding_feet_are_differences(name: str, timing: st
         assert np.abs(difference - exact.by_numbers[:, n]).max() < 2e-3 * unit, dimension
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'content'),
     [

@@ -80,6 +80,7 @@ def shown(search_result: SearchResult) -> list[str]:
 XY = ('x', 'y')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('names', [XY, (*XY, 'angle'), (*XY, 'crank'), (*XY, 'angle', 'crank')])
 def test_a_leg_meets_its_own_poses_and_no_others(names: tuple[str, ...]) -> None:
     at = poses_of(HIDDEN, *names)
@@ -125,6 +126,7 @@ def test_a_bar_that_is_not_the_foots_has_poses() -> None:
     assert reached(FOUR_BAR, {'poses': poses})['pose_error'] == pytest.approx(0.005)
 
 
+@pytest.mark.slow
 def test_poses_are_refined_within_other_limits() -> None:
     # Of four dimensions and three crank angles these poses leave one free.
     poses = {'at': poses_of(HIDDEN, *XY, alphas=ALPHAS[:3])}
@@ -154,6 +156,7 @@ def exact(*alphas: float) -> dict[str, Any]:
     return {'poses': {'at': [{**pose, 'exact': True} for pose in at]}}
 
 
+@pytest.mark.slow
 def test_exact_points_are_met_beside_another_aim() -> None:
     content = {**exact(0.5, 2.0), 'figures': {'stride': 'maximize', 'margin': {'at_least': 0.01}}}
     search_result = searched(content)
@@ -180,6 +183,7 @@ def test_a_leg_that_misses_an_exact_point_is_refused() -> None:
     refusal(HIDDEN, content)
 
 
+@pytest.mark.slow
 def test_an_exact_point_outweighs_a_pose_out_of_reach() -> None:
     at = exact(0.5)['poses']['at']
     search_result = searched({'poses': {'at': [*at, {'x': 0.5, 'y': 0.5}]}})
@@ -192,6 +196,7 @@ def test_an_exact_point_outweighs_a_pose_out_of_reach() -> None:
         assert abs(number - drawn) <= 0.2 * drawn + 1e-9
 
 
+@pytest.mark.slow
 def test_a_path_is_followed_through_an_exact_point() -> None:
     h = linkage_poses(HIDDEN, np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)).h
     path = {'points': h.tolist(), 'move': False, 'turn': False, 'scale': False}
@@ -200,12 +205,14 @@ def test_a_path_is_followed_through_an_exact_point() -> None:
     assert leg.reached['path_error'] < 1e-3 * np.ptp(h, axis=0).max()
 
 
+@pytest.mark.slow
 def test_an_exact_point_out_of_reach_is_a_reason() -> None:
     search_result = searched({'poses': {'at': [{'x': 9, 'y': 9, 'exact': True}]}})
     assert not search_result.legs
     assert search_result.reasons[0].startswith('exact_error at most 1e-06: best ')
 
 
+@pytest.mark.slow
 def test_a_leg_is_placed_on_poses_that_are_turned_and_moved() -> None:
     factor = np.exp(2.0j)
     at = []
@@ -407,6 +414,7 @@ def test_a_rounded_leg_is_the_best_of_all_its_neighbours(
     assert best < rounding_cost(requirements, drawn_leg.varied(naive))
 
 
+@pytest.mark.slow
 def test_a_leg_is_found_of_stock_lengths_with_ties_and_whole_degrees() -> None:
     stock = [100, 125, 150, 175, 250, 300, 350, 400, 450]
     content = {

@@ -30,6 +30,7 @@ def code_cells(path: Path) -> list[str]:
     return [''.join(cell['source']) for cell in content['cells'] if cell['cell_type'] == 'code']
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('path', NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_offline_and_prints_the_slides_numbers(path: Path) -> None:
     # When called: it takes long, in each worker that collects this.

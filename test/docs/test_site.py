@@ -115,9 +115,9 @@ def visit(browser: Any, address: str) -> Iterator[Visit]:
     ('name', 'scheme', 'width'),
     [
         ('theory', 'light', 1280),
-        ('teoria', 'dark', 390),
-        ('examples', 'dark', 1280),
-        ('exemplos', 'light', 390),
+        pytest.param('teoria', 'dark', 390, marks=pytest.mark.slow),
+        pytest.param('examples', 'dark', 1280, marks=pytest.mark.slow),
+        pytest.param('exemplos', 'light', 390, marks=pytest.mark.slow),
         ('../index', 'light', 390),
     ],
 )
@@ -193,6 +193,7 @@ def test_the_numbers_of_the_leg_are_those_of_python(visit: Visit) -> None:
         assert numbers(shown['T for 100 N']) == [round(torque, 2)]
 
 
+@pytest.mark.slow
 def test_the_foot_path_is_that_of_python(visit: Visit) -> None:
     box = figure(visit('theory'), 'klann_foot_path')
     for length in (343, 350, 378):
@@ -213,6 +214,7 @@ def test_the_foot_path_is_that_of_python(visit: Visit) -> None:
     assert values(box)['crank'] == arc
 
 
+@pytest.mark.slow
 def test_newton_raphson_and_the_warm_start_are_those_of_python(visit: Visit) -> None:
     opened = visit('theory')
     alpha = math.radians(60.0)
@@ -233,6 +235,7 @@ def test_newton_raphson_and_the_warm_start_are_those_of_python(visit: Visit) -> 
         assert [*values(box).values()] == [f'{count} corrections' for count in counts]
 
 
+@pytest.mark.slow
 def test_the_class_of_a_four_bar_is_that_of_python(visit: Visit) -> None:
     box = figure(visit('examples'), 'example_four_bar')
     for lengths in FOUR_BARS:
@@ -244,6 +247,7 @@ def test_the_class_of_a_four_bar_is_that_of_python(visit: Visit) -> None:
         assert values(box)['Grashof'] == f'{grashof.class_}, {motion}', lengths
 
 
+@pytest.mark.slow
 def test_a_length_that_is_still_dragged_draws_and_one_that_closes_nowhere_says_so(
     visit: Visit,
 ) -> None:
@@ -262,6 +266,7 @@ def test_a_length_that_is_still_dragged_draws_and_one_that_closes_nowhere_says_s
     assert opened.complaints == []
 
 
+@pytest.mark.slow
 def test_the_ratio_of_a_quick_return_is_that_of_its_geometry(visit: Visit) -> None:
     box = figure(visit('examples'), 'example_quick_return')
     for crank in (50, 62, 100):
@@ -288,6 +293,7 @@ def test_a_figure_moves_when_it_is_started_and_seen(visit: Visit) -> None:
     assert box.get_by_role('button').text_content() == 'Turn'
 
 
+@pytest.mark.slow
 def test_a_figure_steps_for_who_wants_no_motion_and_is_turned_by_keys_and_pointer(
     visit: Visit,
 ) -> None:
@@ -312,6 +318,7 @@ def test_a_figure_steps_for_who_wants_no_motion_and_is_turned_by_keys_and_pointe
     assert opened.complaints == []
 
 
+@pytest.mark.slow
 def test_every_figure_opens_in_the_lab_as_it_is(visit: Visit) -> None:
     opened = visit('theory')
     opened.page.evaluate(SCROLL)

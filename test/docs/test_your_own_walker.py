@@ -49,6 +49,7 @@ def test_the_printed_walker_of_its_page_is_that_of_the_example_and_its_motor_tur
     assert walk_figures(robot, samples=180).warnings == []
 
 
+@pytest.mark.slow
 def test_the_example_package_is_built_by_colcon_with_its_walker_and_launch_file(
     tmp_path: Path,
 ) -> None:

@@ -46,6 +46,7 @@ def test_a_search_finds_the_same_legs() -> None:
     assert report_content(local_design, ['leg']) == report_content(ray_design, ['leg'])
 
 
+@pytest.mark.slow
 def test_rows_are_the_same_byte_for_byte(tmp_path: Path) -> None:
     runs = tmp_path / 'runs'
     for name in ('good', 'cut'):

@@ -501,6 +501,7 @@ def test_a_platform_takes_several_kinds_and_moodle_a_secret(tmp_path: Path) -> N
     }
 
 
+@pytest.mark.slow
 def test_sheets_and_key_are_read_on_a_phone(tmp_path: Path, new_page: Callable[..., Any]) -> None:
     assignment = Assignment(
         read_tasks(['newton:3', 'grashof', 'function-generation', 'four-poses']),

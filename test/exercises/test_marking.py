@@ -69,6 +69,7 @@ def test_rounding_is_no_excuse_for_another_number() -> None:
         assert (points['theta_4'] > 0.0) == is_excused, factor
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('case', ['alone', 'beside right answers', 'all wrong', 'words'])
 def test_a_wrong_answer_has_no_points_by_chance(case: str) -> None:
     chance = Random(46)  # noqa: S311 - no secret

@@ -89,6 +89,7 @@ def test_limits_are_within_the_cranks_and_the_footprint_holds_the_feet(name: str
     assert costmap['ros__parameters']['inflation_layer']['inflation_radius'] >= reach - 0.01
 
 
+@pytest.mark.slow
 def test_pure_pursuit_with_these_limits_reaches_its_goal_in_the_twin() -> None:
     server = section('walker6_two_motors', 'controller_server')
     tolerance = server['general_goal_checker']['xy_goal_tolerance']

@@ -134,6 +134,7 @@ def test_seats_are_cut_in_the_plates_that_turn_on_a_pin() -> None:
         assert faces[is_floor].sum() == pytest.approx(floors, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_walker_is_printed_leg_by_leg_on_beds_without_overlap() -> None:
     robot = robot_from_file(str(CONFIG / 'walker4.yaml'))
     legs = placed_legs(robot, SIZES, 0.2)
@@ -162,6 +163,7 @@ def test_a_walker_is_printed_leg_by_leg_on_beds_without_overlap() -> None:
     assert abs(assembled.bounds[:, 2]) == pytest.approx([0.06271, 0.06271], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_legs_of_a_plane_that_would_collide_stand_beside_each_other() -> None:
     legs = placed_legs(robot_from_file(str(CONFIG / 'walker_jansen.yaml')), SIZES, 0.3)
     left = [leg for leg in legs if 'left' in leg.leg.name]

@@ -244,6 +244,7 @@ def test_a_walker_and_its_motor_carry_the_masses_of_parts(
     assert crank['motor']['peak'] == pytest.approx(2.0 * turn.torque.max(), rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'file',
     [

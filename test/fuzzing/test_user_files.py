@@ -23,6 +23,7 @@ def test_a_hostile_file_is_read_or_refused_in_a_line(first, tmp_path):
         check_file(None, seed, tmp_path / str(seed))
 
 
+@pytest.mark.slow
 def test_a_program_does_its_work_with_a_hostile_file_or_refuses_it(tmp_path):
     for seed in range(PROGRAMS):
         check_program(None, seed, tmp_path / str(seed))

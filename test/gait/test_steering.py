@@ -88,6 +88,7 @@ def test_the_map_has_the_motion_of_the_stance(steering: Steering) -> None:
         assert twist == pytest.approx(exact, rel=0.01, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['walker6_two_motors', 'walker_jansen'])
 def test_the_mean_motion_has_converged(name: str) -> None:
     feet = Feet(robot_of(str(CONFIG / f'{name}.yaml')))

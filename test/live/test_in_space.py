@@ -207,6 +207,7 @@ def test_without_webgl_a_line_says_so_and_the_flat_views_stay(
     assert opened.barriers() == []
 
 
+@pytest.mark.slow
 def test_a_finger_that_scrolls_the_page_leaves_the_view(
     visit_live: Callable[..., OpenedPage],
 ) -> None:
@@ -217,6 +218,7 @@ def test_a_finger_that_scrolls_the_page_leaves_the_view(
     assert views[2] == views[0]
 
 
+@pytest.mark.slow
 def test_another_walkers_odometry_and_path_are_not_the_shown_ones(
     visit_live: Callable[..., OpenedPage],
 ) -> None:
@@ -235,6 +237,7 @@ def test_another_walkers_odometry_and_path_are_not_the_shown_ones(
     assert opened.page.evaluate('live.ground.path') == []
 
 
+@pytest.mark.slow
 def test_pictures_go_on_where_their_completion_is_not_told(
     visit_live: Callable[..., OpenedPage],
 ) -> None:

@@ -180,6 +180,7 @@ def test_a_run_without_a_leg_is_not_calibrated(tmp_path: Path) -> None:
     assert all('<h1>Calibration</h1>' in page for _, page in answers)
 
 
+@pytest.mark.slow
 def test_a_run_with_measured_points_is_calibrated(tmp_path: Path) -> None:
     robot = Robot(count=300, period=0.0167)
     points = {f'/camera/{name}': points_topic(robot, name.upper()) for name in 'hg'}

@@ -98,6 +98,7 @@ def colcon_build(folder: Path, *options: str) -> Path:
     return folder / 'install'
 
 
+@pytest.mark.slow
 def test_a_build_of_links_works_too(tmp_path: Path) -> None:
     base = colcon_build(tmp_path, '--symlink-install')
     linked = Installation(base / 'klann_ros', base / 'setup.sh')

@@ -30,7 +30,10 @@ count: 2
 """
 STUDENTS = 'student,name\n11223344,João Ångström\n'
 # The systems that are tried here.
-PLATFORMS = ('win32', 'darwin') if sys.platform == 'linux' else (sys.platform,)
+IS_LINUX = sys.platform == 'linux'
+PLATFORMS = (
+    ('win32', pytest.param('darwin', marks=pytest.mark.slow)) if IS_LINUX else (sys.platform,)
+)
 # The commands, and what each returns.
 COMMANDS = {
     ('describe', 'ψ_leg.yaml', '--html', 'leg.html', '--json', 'leg.json'): 0,

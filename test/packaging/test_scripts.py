@@ -119,6 +119,7 @@ def test_a_sourced_ros_is_seen_where_it_is_used_and_its_klann_ros_comes_last(
     assert '_ROS_WHEELS_BOOTSTRAP_COMPLETE' not in variables
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('was_made', [False, True])
 def test_a_set_up_that_fails_leaves_no_broken_environment(tmp_path: Path, was_made: bool) -> None:
     root = tmp_path / 'a checkout'

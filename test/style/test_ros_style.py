@@ -25,6 +25,7 @@ REFUSED = re.compile(
 )
 
 
+@pytest.mark.slow
 def test_ament_flake8_refuses_nothing_that_ruff_accepts() -> None:
     files = {path for name in FILES for path in (ROOT / name).rglob('*.py')}
     files -= {Path(__file__).resolve()}

@@ -177,6 +177,7 @@ def test_instant_centres_are_on_kennedys_lines_and_give_the_speed_ratio(task: Ta
 
 
 # Four hundred cranks are tried for each.
+@pytest.mark.slow
 @settings(max_examples=3)
 @given(ratio=st.floats(1.02, 2.5), swing=st.floats(0.2, 2.4), rocker=st.floats(0.1, 10.0))
 def test_quick_returns_have_ratio_and_swing(ratio: float, swing: float, rocker: float) -> None:
@@ -195,6 +196,7 @@ def test_a_quick_return_of_common_numbers_is_found() -> None:
         quick_returns(1.5, 4.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('excess', [2.0**-52, 1e-12, 1e-9, 1e-7])
 def test_a_quick_return_that_is_hardly_one_is_a_crank_rocker(excess: float) -> None:
     for geometry in quick_returns(1.0 + excess, 1.0):

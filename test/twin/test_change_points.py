@@ -14,6 +14,7 @@ import pytest
 RATE = 8.0 * pi
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('rate', [RATE, -RATE])
 @pytest.mark.parametrize('name', FEET)
 def test_inertia_takes_it_along_the_tangent(name: str, rate: float) -> None:

@@ -137,6 +137,7 @@ def test_on_the_spot_the_yaw_rate_holds_over_any_3_s(name: str) -> None:
         assert means == pytest.approx(wanted.angular, rel=0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('gains', 'delay'), [((1.0, 1.0), 0.0), ((0.75, 1.3), 0.0), ((1.2, 0.7), 0.3)]
 )

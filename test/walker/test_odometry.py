@@ -323,6 +323,7 @@ def test_the_noise_of_the_first_heading_is_no_bias(two_motors: Feet) -> None:
     assert np.std(biases) < 5e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('is_commanded', [True, False])
 def test_a_slow_turn_is_no_bias_of_the_gyro(two_motors: Feet, *, is_commanded: bool) -> None:
     """By the command, and by the cranks where others command them."""

@@ -94,6 +94,7 @@ def test_on_the_spot_yaw_and_position_follow_with_an_imu(simulated: Steering) ->
     assert walked.tilt < 20.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('twist', 'slope', 'error'), [((0.1, -0.05), 0.0, 0.04), ((0.05, 0.06), -0.05, 0.018)]
 )
@@ -108,6 +109,7 @@ def test_in_a_curve_the_accelerometer_resolves_the_slip(
     assert walked.error < error
 
 
+@pytest.mark.slow
 def test_sliding_feet_do_not_displace_the_speed_by_the_noise_of_the_others() -> None:
     # It is off by 3.2 % where noise decides the sign of the slip of feet that stick.
     robot = robot_of(str(CONFIG / 'walker8_two_motors.yaml'))
@@ -120,6 +122,7 @@ def test_sliding_feet_do_not_displace_the_speed_by_the_noise_of_the_others() -> 
     assert walked.error < 0.026
 
 
+@pytest.mark.slow
 def test_a_drifting_accelerometer_bias_is_tracked(simulated: Steering) -> None:
     # It is wrong by 0.055 m/s^2 at the end, which would be found to be more than it may.
     walked = Walked(simulated, (0.15, 0.0), 10.0, imu=True, stands=1.0, warms=0.005)

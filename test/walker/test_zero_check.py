@@ -85,6 +85,7 @@ def test_cranks_that_stand_are_no_evidence(two_motors: Feet) -> None:
     assert check._count == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'offsets', 'twist', 'slope'),
     [

@@ -93,6 +93,7 @@ def test_numpy_does_it_without_numba(
         klann_poses(KlannGeometry(), 1.0, kernel='numba')
 
 
+@pytest.mark.slow
 def test_numba_needs_no_place_for_its_cache(folder: Path) -> None:
     nowhere = folder / 'file'
     nowhere.touch()
@@ -103,6 +104,7 @@ def test_numba_needs_no_place_for_its_cache(folder: Path) -> None:
     assert done.stdout.startswith(SOLVED)
 
 
+@pytest.mark.slow
 def test_a_kernel_is_cached_once_for_all_processes_and_rebuilt_if_broken(folder: Path) -> None:
     cache = folder / 'cache'
     folders = {'NUMBA_CACHE_DIR': f'{cache}', 'XDG_CACHE_HOME': f'{cache}'}

@@ -28,6 +28,7 @@ def non_turning_share(width: float) -> float:
     return beyond / (48 * a * b * c)
 
 
+@pytest.mark.slow
 def test_two_percent_on_every_length_stop_two_legs_in_a_hundred() -> None:
     exact = non_turning_share(0.02)
     assert exact == pytest.approx(0.02043, abs=5e-6)
@@ -58,6 +59,7 @@ def test_without_tolerances_every_leg_is_the_drawn_one() -> None:
     np.testing.assert_array_equal([study.stride, study.lift], np.repeat(extent[:, None], 5, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('distribution', 'sigma', 'p95'),
     [('uniform', 1 / math.sqrt(3), 0.95), ('normal', 0.329, 0.64)],

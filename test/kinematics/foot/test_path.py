@@ -86,6 +86,7 @@ def test_a_path_is_frozen() -> None:
     assert path != path_of(KlannGeometry())
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(geometry=legs(), factor=st.sampled_from([0.001, 3.0, 1000.0]))
 def test_a_scaled_or_mirrored_leg_has_such_a_path(geometry: KlannGeometry, factor: float) -> None:

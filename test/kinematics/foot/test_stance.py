@@ -52,6 +52,7 @@ def peaucellier(rotation: float) -> LinkageLeg:
     )
 
 
+@pytest.mark.slow
 def test_along_an_exact_straight_line_the_whole_arc_is_one_stance() -> None:
     path = foot_path(peaucellier(270.0))
     ((start, end),) = path.arcs

@@ -48,6 +48,7 @@ def test_a_leg_turns_fully_where_its_arcs_are_a_turn(geometry: KlannGeometry) ->
     assert turns_fully(geometry) == (reachable_arcs(geometry) == [(0.0, 2.0 * math.pi)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'linkage',
     [*PRESETS, *map(shipped_linkage, ('chebyshev_lambda', 'four_bar', 'jansen'))],
@@ -102,6 +103,7 @@ def test_a_number_that_is_0_has_no_relative_change() -> None:
 
 
 # Most random legs do not turn fully.
+@pytest.mark.slow
 @settings(max_examples=6, suppress_health_check=[HealthCheck.filter_too_much])
 @given(geometry=legs(change=0.15), name=st.sampled_from(NUMBERS), share=shares)
 def test_between_margins_it_turns_fully(geometry: KlannGeometry, name: str, share: float) -> None:
@@ -116,6 +118,7 @@ def test_between_margins_it_turns_fully(geometry: KlannGeometry, name: str, shar
     check_the_ends(geometry, name, (min_number, max_number))
 
 
+@pytest.mark.slow
 @settings(max_examples=3)
 @given(geometry=legs(change=0.1), factor=st.sampled_from([0.001, 1000.0]))
 def test_scaled_lengths_scale_the_margins(geometry: KlannGeometry, factor: float) -> None:

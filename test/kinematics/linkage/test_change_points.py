@@ -342,6 +342,7 @@ def test_coupled_loops_go_on_through_their_change_points() -> None:
     assert turns_fully(linkage)
 
 
+@pytest.mark.slow
 def test_coupled_loops_are_back_after_the_turns_of_what_drives_them() -> None:
     linkage = change_point_linkage('platform_two_turns')
     assert [block.is_dyad for block in linkage.blocks] == [True, False, True]

@@ -52,6 +52,7 @@ def read(tmp_path):
     return work
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('shape', OUTSIDE)
 def test_twice_the_bytes_take_no_more_than_twice_the_work(read, shape) -> None:
     once, _ = read(file_of(shape, SIZE))
@@ -84,6 +85,7 @@ def test_zeros_in_a_chunk_are_skipped(read, tmp_path) -> None:
         assert 'in part only: what stands in it is no record' in log.problems[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('shape', INSIDE)
 def test_many_chunks_of_no_use_cost_hardly_more_than_some(read, shape, monkeypatch) -> None:
     monkeypatch.setattr(decompression, '_BUDGET', 2**20)
@@ -261,6 +263,7 @@ PROFILES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('kind', PROFILES)
 def test_profiles_are_parsed_once_and_within_limits(tmp_path, monkeypatch, kind) -> None:
     texts, characters, count, reason = PROFILES[kind]

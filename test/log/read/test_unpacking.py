@@ -80,6 +80,7 @@ def test_a_corrupt_compressed_file_is_read_up_to_the_damage(file) -> None:
         assert 'it can be unpacked in part only' in str(log.problems)
 
 
+@pytest.mark.slow
 def test_a_file_unpacks_to_no_more_than_its_size_allows(file, monkeypatch) -> None:
     monkeypatch.setattr(compressed, 'MIN_FILE_LIMIT', 8 * MB)
     packed = pack(file, file.read_bytes() + bytes(400 * MB))

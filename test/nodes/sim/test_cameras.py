@@ -15,6 +15,7 @@ BUILT = CONFIG / 'sem104_built.yaml'
 SEM104 = ['--ros-args', '--params-file', str(CONFIG / 'sem104.yaml')]
 
 
+@pytest.mark.slow
 def test_the_leg_as_built_is_found_in_a_run_of_its_cameras(ros: Domain, tmp_path: Path) -> None:
     probe = ros.probe
     states: list[JointState] = probe.listen(JointState, 'crank_state')

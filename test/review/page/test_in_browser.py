@@ -12,8 +12,12 @@ if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
 
 ALL = (
-    *('klann', 'faulty', 'walker', 'jansen', 'quick_return', 'changed', 'feet', 'bare'),
-    *('nothing', 'garbled', 'hostile', 'two', 'walk', 'run_'),
+    *('klann', 'faulty', 'walker', 'garbled', 'hostile'),
+    *(
+        pytest.param(name, marks=pytest.mark.slow)
+        for name in ('jansen', 'quick_return', 'changed', 'feet', 'bare', 'nothing')
+    ),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in ('two', 'walk', 'run_')),
 )
 # In which colours barriers are looked for, and what is looked at by telephone.
 SCHEMES = {'faulty': ('light', 'dark'), 'walker': ('dark',), 'two': ('light',), 'walk': ('dark',)}

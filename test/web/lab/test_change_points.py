@@ -55,6 +55,7 @@ def feet(answer: dict[str, Any]) -> np.ndarray:
     return np.array(answer['feet'], dtype=float) @ [1.0, 1j]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', FEET)
 def test_it_goes_along_the_tangent_over_ten_turns_both_ways(
     passed: dict[str, Any], name: str
@@ -147,6 +148,7 @@ function answer({ texts, alphas }) {
 """
 
 
+@pytest.mark.slow
 def test_random_chains_have_the_change_points_and_feet_of_python() -> None:
     rng = np.random.default_rng(45)
     alphas = rng.uniform(-40.0, 40.0, 60)

@@ -175,6 +175,7 @@ def tour(browser: Any) -> Iterator[Tour]:
     context.close()
 
 
+@pytest.mark.slow
 def test_every_shipped_linkage_is_drawn_without_a_request_or_an_error(tour: Tour) -> None:
     for name, shown in tour.linkages.items():
         linkage = shipped_linkage(name)
@@ -214,6 +215,7 @@ def test_a_dragged_joint_changes_the_lengths_that_meet_there(lab: Opened) -> Non
     assert names[last_numbers != numbers].tolist() == ['E.x', 'E.y']
 
 
+@pytest.mark.slow
 def test_a_drag_gives_numbers_as_coarse_as_a_pixel(lab: Opened) -> None:
     pixel = 1000 * lab.page.evaluate(METRES_A_PIXEL)
     step = lab.page.evaluate(f'roundStep({pixel})')
@@ -273,6 +275,7 @@ def test_every_edit_is_undone_and_redone(lab: Opened) -> None:
     assert page.evaluate(STATE) == states[-1]
 
 
+@pytest.mark.slow
 def test_a_number_is_undone_while_it_is_edited_and_the_crank_stays(lab: Opened) -> None:
     field = lab.page.locator('#number-1')
     field.fill('33')
@@ -289,6 +292,7 @@ def test_a_number_is_undone_while_it_is_edited_and_the_crank_stays(lab: Opened) 
     assert field.input_value() == '351'
 
 
+@pytest.mark.slow
 def test_an_entry_holds_as_long_as_it_is_legal(lab: Opened) -> None:
     page = lab.page
     first = page.evaluate(STATE)
@@ -399,7 +403,16 @@ def test_parameters_have_the_signs_and_numbers_of_sem104(lab: Opened) -> None:
     assert saved['x_d'] == pytest.approx(0.34)
 
 
-@pytest.mark.parametrize('name', ['klann', 'walker_six_bar', 'stephenson', 'quick_return'])
+@pytest.mark.parametrize(
+    'name',
+    [
+        'klann',
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ('walker_six_bar', 'stephenson', 'quick_return')
+        ),
+    ],
+)
 def test_a_link_opens_the_same_state(lab: Opened, visit, name: str) -> None:
     page = lab.page
     page.locator('#linkage').select_option(name)
@@ -467,6 +480,7 @@ def test_it_turns_and_stops(lab: Opened) -> None:
     assert lab.page.evaluate('lab.alpha') == alpha
 
 
+@pytest.mark.slow
 def test_all_numbers_of_the_lecture_are_in_the_table(lab: Opened) -> None:
     lab.page.evaluate("lab.choose('jansen')")
     lab.page.locator('#lecture').click()
@@ -486,6 +500,7 @@ def matrices(lab: Opened) -> list[list[str]]:
     return cells
 
 
+@pytest.mark.slow
 def test_the_four_bar_course_rounds_its_corrections(lab: Opened) -> None:
     lab.page.locator('#four-bar-lecture').click()
     rows = lab.page.locator('#iterates tbody tr').all()
@@ -526,6 +541,7 @@ def test_the_four_bar_course_rounds_its_corrections(lab: Opened) -> None:
     assert not lab.page.locator('#rounded').is_visible()
 
 
+@pytest.mark.slow
 def test_feet_strides_and_lifts_are_of_legs(lab: Opened, tour: Tour) -> None:
     for name, shown in tour.linkages.items():
         text = (SHIPPED / f'{name}.yaml').read_text(encoding='utf-8')
@@ -649,6 +665,7 @@ def test_fit_shows_why_it_jams(lab: Opened) -> None:
     )
 
 
+@pytest.mark.slow
 def test_f_and_phi_of_each_step_are_those_of_the_lectures(lab: Opened) -> None:
     lab.page.locator('#lecture').click()
     for row, degrees in enumerate([[15.0, 60.0, 45.0, 60.0], None]):
@@ -758,7 +775,7 @@ def test_bombs_are_refused_in_a_line(lab: Opened, tmp_path: Path, content: bytes
     assert lab.page.evaluate('lab.name') == 'Klann leg'
 
 
-@pytest.mark.parametrize('locale', ['en-US', 'pt-BR'])
+@pytest.mark.parametrize('locale', [pytest.param('en-US', marks=pytest.mark.slow), 'pt-BR'])
 def test_it_fits_a_telephone_and_is_dragged_by_touch(visit, locale: str) -> None:
     size = {'width': 390, 'height': 844}
     opened = visit(locale=locale, viewport=size, has_touch=True, is_mobile=True)
@@ -828,6 +845,7 @@ def test_a_drawn_path_is_saved_as_a_wish_that_design_takes(lab: Opened, tmp_path
     assert space.linkage.name == 'My leg'
 
 
+@pytest.mark.slow
 def test_a_path_is_typed_and_in_portuguese(lab: Opened, tmp_path: Path) -> None:
     lab.page.locator('#save-requirements').click()
     assert 'there is no path' in lab.text('#refusal')
@@ -857,6 +875,7 @@ def rocker_angle(lab: Opened) -> float:
     return float(np.degrees(np.angle(np.exp(1j * (x[2] - x[0])))))
 
 
+@pytest.mark.slow
 def test_the_crank_turns_a_parallelogram_through_its_change_points(lab) -> None:
     lab.load(PARALLELOGRAM)
     lab.until('lab.turn && lab.turn.linkage === lab.linkage')
@@ -882,6 +901,7 @@ def test_a_clearance_that_is_rounding_is_none(lab) -> None:
     assert 'Least margin0.0 mm' in lab.text('#tiles')
 
 
+@pytest.mark.slow
 def test_beyond_a_change_point_an_edit_keeps_what_is_drawn(lab) -> None:
     lab.load(PARALLELOGRAM)
     lab.page.locator('#alpha').fill('268')
@@ -898,6 +918,7 @@ def test_beyond_a_change_point_an_edit_keeps_what_is_drawn(lab) -> None:
     assert abs(rocker_angle(lab)) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_linkage_of_two_turns_shows_which_one_it_is_in(lab) -> None:
     lab.load(change_point_file('two_turns').read_text(encoding='utf-8'))
     lab.until('lab.turn && lab.turn.linkage === lab.linkage')
@@ -948,6 +969,7 @@ def test_the_lectures_task_is_done_in_a_click(lab: Opened) -> None:
     assert re.search(r'advantage \(O4B\) = .?[0-9]+\.[0-9]{4} ×$', lab.text('#curve-legend'))
 
 
+@pytest.mark.slow
 def test_a_curve_jumps_only_through_infinity(lab: Opened) -> None:
     lab.page.locator('#linkage').select_option('galloway')
     lab.until('lab.turn.linkage === lab.linkage && curves.curves?.[1].key === "coupler"')
@@ -971,6 +993,7 @@ def test_a_curve_jumps_only_through_infinity(lab: Opened) -> None:
     assert lines.first.get_attribute('d').count('M') == 2
 
 
+@pytest.mark.slow
 def test_curves_have_gaps_and_all_turns(lab: Opened) -> None:
     lab.page.locator('#linkage').select_option('chebyshev')
     lab.until('lab.turn?.linkage === lab.linkage && curves.curves?.[0].pieces.length === 2')
@@ -992,6 +1015,7 @@ def test_curves_have_gaps_and_all_turns(lab: Opened) -> None:
     assert lab.page.locator('#chart').get_attribute('aria-valuenow') == '530.00'
 
 
+@pytest.mark.slow
 def test_the_values_are_those_of_python_at_the_rate_that_is_typed(lab: Opened) -> None:
     lab.page.evaluate('lab.turnTo(Math.PI / 3)')
     field = lab.page.locator('#rate')
@@ -1025,6 +1049,7 @@ def test_the_values_are_those_of_python_at_the_rate_that_is_typed(lab: Opened) -
     assert cells('H') == ['\N{EN DASH}'] * 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('locale', ['en-US', 'pt-BR'])
 def test_a_turn_is_saved_and_read_back(visit, tmp_path: Path, locale: str) -> None:
     opened = visit(locale=locale)
@@ -1054,6 +1079,7 @@ def test_a_turn_is_saved_and_read_back(visit, tmp_path: Path, locale: str) -> No
     )
 
 
+@pytest.mark.slow
 def test_the_space_bar_turns_the_crank_but_where_it_writes_or_presses(lab: Opened) -> None:
     page = lab.page
     for selector in ('#alpha', '[data-grip=H]', '#values-title', '.values', '#curves', '#skip'):
@@ -1081,6 +1107,7 @@ def test_the_first_tab_skips_to_the_values(visit) -> None:
     assert opened.page.evaluate('document.activeElement.id') == 'rate'
 
 
+@pytest.mark.slow
 def test_cards_leave_no_holes(visit) -> None:
     opened = visit(locale='pt-BR', viewport={'width': 1920, 'height': 1080})
     for name in ('klann', 'four_bar', 'trotbot', 'side_rod'):
@@ -1100,6 +1127,7 @@ def test_cards_leave_no_holes(visit) -> None:
         assert max(gaps) <= 15.0, name
 
 
+@pytest.mark.slow
 def test_it_prints_a_report_on_two_pages(visit) -> None:
     opened = visit(locale='pt-BR', color_scheme='dark')
     for setup in (
@@ -1118,6 +1146,7 @@ def test_it_prints_a_report_on_two_pages(visit) -> None:
         assert len(re.findall(rb'/Type\s*/Page\b', document)) == 2, setup
 
 
+@pytest.mark.slow
 def test_phi_of_the_leg_is_as_wide_as_a_telephone(visit) -> None:
     size = {'width': 390, 'height': 844}
     opened = visit(locale='pt-BR', viewport=size, has_touch=True, is_mobile=True)

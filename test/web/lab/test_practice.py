@@ -91,6 +91,7 @@ def written(answers: Mapping[str, float | str]) -> dict[str, str]:
     return {name: x if isinstance(x, str) else f'{x:.6g}' for name, x in answers.items()}
 
 
+@pytest.mark.slow
 @needs_node
 def test_slips_and_points_are_those_of_the_marking() -> None:
     variants = [make_variant(kind, '31') for name, kind in KINDS.items() if name != 'foot-path']
