@@ -22,8 +22,9 @@ EXTRA = ('slow', 'ament_flake8', 'ament_pep257', 'pyodide', *PLATFORMS)
 FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
 # Computing tests run beside tests that wait for processes; see test/conftest.py.
 WORKERS = ('--workers', '5')
-# The tests of real nodes, for the other distributions of ROS.
+# The tests of real nodes, slow ones too, for the other distributions of ROS.
 ROS_TESTS = ('test/nodes', 'test/examples/test_hardware_driver.py', 'test/review/test_real_run.py')
+ROS_TESTS += ('-m', '')
 # A test waits for its installation, which is complete when the tests are collected.
 FIRST = 'colcon'
 # The others run beside the tests and take only what these leave of a core.

@@ -267,6 +267,7 @@ def test_a_full_disk_leaves_the_old_leg_file(table: Path, tmp_path: Path, capsys
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('number', 'code', 'stage'), [(signal.SIGINT, 130, 'fit'), (signal.SIGTERM, 143, 'page')]
 )

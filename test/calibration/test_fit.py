@@ -459,6 +459,7 @@ def test_no_camera_makes_another_leg_fit(name: str, point: str, change: Any, wor
         calibrate(drawn, [foot], camera=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('point', 'is_told'), [('C', True), ('B', False)])
 def test_points_on_one_line_do_not_tell_mirrored_axes(point: str, *, is_told: bool) -> None:
     drawn = shipped_linkage('slider_crank')
@@ -505,6 +506,7 @@ def filmed(robot: Robot, see: Any, points: str = 'BHG') -> list[Any]:
     return measured
 
 
+@pytest.mark.slow
 def test_the_crank_of_a_tracked_pin_is_unbiased() -> None:
     normalized_errors = []
     for seed in range(8):

@@ -93,6 +93,7 @@ def test_the_fastest_is_the_first_speed_too_high(needs: list[tuple[float, float]
     assert not inside.any()
 
 
+@pytest.mark.slow
 def test_the_example_motor_turns_the_sem104_leg() -> None:
     motor = motor_from_file(str(EXAMPLE))
     robot = robot_of('sem104')

@@ -17,6 +17,7 @@ LOAD = 5.0
 OF_TASKS = {name for name, kind in FIGURES.items() if kind.needs not in {'', 'load', 'motor'}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['klann', 'jansen', 'chebyshev_lambda'])
 def test_figures_in_bulk_are_those_of_the_data_sheet(name: str) -> None:
     legs = variants(name, 0.03, 12)

@@ -89,6 +89,7 @@ def contents(folder: Path) -> dict[str, str]:
     return {file.name: file.read_text() for file in folder.iterdir() if file.is_file()}
 
 
+@pytest.mark.slow
 def test_a_result_replaces_the_files_of_the_last_one(
     folder: Path, design: SearchResult, smaller_design: SearchResult
 ) -> None:
@@ -172,6 +173,7 @@ def test_a_result_that_somebody_changed_is_not_replaced(
     assert contents(folder) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('saves', range(7))
 def test_a_crash_while_files_are_written_leaves_none_that_the_next_search_takes_for_anothers(
     folder: Path,

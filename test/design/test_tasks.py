@@ -139,6 +139,7 @@ def test_poses_are_refined_within_other_limits() -> None:
     assert strides[1] <= 0.17 < strides[0] < 0.19 <= strides[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('names', [XY, (*XY, 'angle', 'crank'), ('angle', 'crank')])
 def test_a_hidden_leg_is_found_from_its_poses(names: tuple[str, ...]) -> None:
     poses = {'at': poses_of(HIDDEN, *names)}
@@ -258,6 +259,7 @@ def is_inside(area: Mapping[str, Any], z: Any) -> Any:
     return np.abs(turns) > np.pi
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.sampled_from(AREAS), number, number, number, number)
 def test_the_clearance_of_a_bar_is_that_of_all_its_points(

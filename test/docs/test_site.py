@@ -171,6 +171,7 @@ def degrees(*angles: float) -> list[str]:
     return [f'{math.degrees(angle):.2f}°' for angle in angles]
 
 
+@pytest.mark.slow
 def test_the_numbers_of_the_leg_are_those_of_python(visit: Visit) -> None:
     opened = visit('theory')
     for angle in (0, 100, 251):
@@ -276,6 +277,7 @@ def test_the_ratio_of_a_quick_return_is_that_of_its_geometry(visit: Visit) -> No
         assert numbers(values(box)['time ratio']) == [pytest.approx(ratio, abs=6e-4)]
 
 
+@pytest.mark.slow
 def test_a_figure_moves_when_it_is_started_and_seen(visit: Visit) -> None:
     opened = visit('examples', reduced_motion='no-preference')
     box = figure(opened, 'example_walker')

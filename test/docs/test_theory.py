@@ -356,6 +356,7 @@ def test_6_the_margins() -> None:
     assert {*by_change[:3]} == {'l_ab', 'l_bc', 'l_dc'}
 
 
+@pytest.mark.slow
 def test_6_the_tolerances() -> None:
     coarse = tolerance_study(LEG.geometry, 0.02, samples=20000, crank_angles=36)
     assert says(f'{100 * coarse.non_turning_fraction:.2f} % of 20000 legs')

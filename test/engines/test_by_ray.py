@@ -18,6 +18,7 @@ import pytest
 # To import it here would cost every worker a second.
 if find_spec('ray') is None:
     pytest.skip('no ray: pip install ray', allow_module_level=True)
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -46,7 +47,6 @@ def test_a_search_finds_the_same_legs() -> None:
     assert report_content(local_design, ['leg']) == report_content(ray_design, ['leg'])
 
 
-@pytest.mark.slow
 def test_rows_are_the_same_byte_for_byte(tmp_path: Path) -> None:
     runs = tmp_path / 'runs'
     for name in ('good', 'cut'):

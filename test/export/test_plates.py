@@ -163,6 +163,7 @@ def test_plates_have_the_stated_sizes_after_the_kerf(name: str, kerf: float) -> 
     assert {*radii} == {1.0, 1.5}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['sem104', 'trotbot', 'quick_return', 'jansen', 'andrews'])
 @pytest.mark.parametrize('width', [5e-3, 12e-3])
 def test_no_label_crosses_a_cut_line(name: str, width: float) -> None:

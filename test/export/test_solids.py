@@ -263,6 +263,7 @@ def test_parts_that_cannot_be_written_leave_no_file(
     assert not [*tmp_path.iterdir()]
 
 
+@pytest.mark.slow
 def test_the_sheet_of_a_framed_walker_counts_the_parts_of_its_longer_pins(tmp_path: Path) -> None:
     walker = str(CONFIG / 'walker4.yaml')
     sheet = tmp_path / 'sheet.svg'

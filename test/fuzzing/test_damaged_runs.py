@@ -21,6 +21,7 @@ def test_any_damage_is_survived_and_intact_messages_are_recovered(samples, tmp_p
     assert memory() - before < MAX_MEMORY
 
 
+@pytest.mark.slow
 def test_legal_variants_are_read_without_loss(tmp_path):
     for seed in range(CASES):
         check_legal(None, seed, tmp_path / str(seed))

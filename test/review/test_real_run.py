@@ -30,6 +30,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 WALKER = ROOT / 'config' / 'walker4.yaml'
 # A loaded machine holds anything up, but for no longer than this [s].

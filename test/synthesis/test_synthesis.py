@@ -187,6 +187,7 @@ def test_quick_returns_have_ratio_and_swing(ratio: float, swing: float, rocker: 
         assert limits.swing == pytest.approx(swing, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_quick_return_of_common_numbers_is_found() -> None:
     (geometry,) = quick_returns(1.25, radians(45.0))
     assert FourBar(*geometry.lengths).grashof.motion == 'crank-rocker'

@@ -28,6 +28,7 @@ def test_inertia_takes_it_along_the_tangent(name: str, rate: float) -> None:
     assert np.median(errors) <= 1e-6 * size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', FEET)
 def test_away_from_them_foot_torque_and_reactions_are_those_of_the_engine(name: str) -> None:
     robot = robot_of(str(change_point_file(name)))

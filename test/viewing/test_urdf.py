@@ -46,6 +46,7 @@ def facts(joint: 'yourdfpy.Joint') -> tuple:
     return joint.name, joint.type, joint.parent, joint.child, axis, mimic
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('file', 'names'),
     [

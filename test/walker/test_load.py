@@ -54,6 +54,7 @@ def test_a_clock_that_goes_back_delays_it_only() -> None:
     assert monitor.effort == 11.0
 
 
+@pytest.mark.slow
 def test_the_described_effort_is_that_of_describe() -> None:
     robot = robot_of(str(CONFIG / 'walker6_two_motors.yaml'))
     sheet = data_sheet(robot, speed=2.0, load=robot.body.mass * 9.80665 / 3.0)

@@ -126,6 +126,7 @@ def test_a_mirrored_lag_is_corrected_in_mirror_image() -> None:
         assert corrected[0].angular == pytest.approx(0.01 - 0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', WALKERS)
 def test_on_the_spot_the_yaw_rate_holds_over_any_3_s(name: str) -> None:
     """By plan and feedback: within a fourth."""

@@ -78,11 +78,13 @@ def test_straight_walks_agree_with_odometry_and_keep_phase(simulated: Steering) 
     assert walked.tilt < 2.0
 
 
+@pytest.mark.slow
 def test_friction_balances_the_measured_acceleration(simulated: Steering) -> None:
     # Straight on it is off by 0.8 % without, and by 1.4 % with the wrong sign.
     assert Walked(simulated, (0.15, 0.0), 6.0, imu=True, stands=1.0).error < 0.006
 
 
+@pytest.mark.slow
 def test_on_the_spot_yaw_and_position_follow_with_an_imu(simulated: Steering) -> None:
     # On two feet that are dragged against each other it coasts: by friction alone it would be off
     # by a third.

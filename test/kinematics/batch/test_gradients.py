@@ -47,6 +47,7 @@ def check_differences(
             np.testing.assert_allclose(gradient, slopes, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', shipped_linkages())
 def test_they_are_differences_of_poses(name: str) -> None:
     linkage = shipped_linkage(name)

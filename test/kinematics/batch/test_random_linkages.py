@@ -71,6 +71,7 @@ def verdicts(variants: Variants, i: int) -> list[int]:
 
 
 # The foot of a seed's linkage may be on any body: other dyads then do not carry it.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('kernel', 'coupled'), [('numpy', False), ('numba', False), ('numpy', True)]
 )

@@ -101,6 +101,7 @@ def test_the_statistics_are_those_of_the_legs() -> None:
     np.testing.assert_array_equal(study.sensitivities, gradients.swapaxes(1, 2))
 
 
+@pytest.mark.slow
 def test_the_ranking_is_the_effect_of_small_tolerances() -> None:
     tolerances = {'l_ab': 1e-5, 'l_bc': 1e-5, 'l_dc': 1e-4, 'angle_fgh': 1e-6}
     study = tolerance_study(SEM104, tolerances)

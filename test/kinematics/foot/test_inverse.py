@@ -33,6 +33,7 @@ def test_0_and_a_turn_are_one_angle() -> None:
     assert distinct([TURN - 1e-13, 1.0, 0.0, 1.0 + 1e-13]) == [0.0, 1.0]
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(geometry=legs(), progress=fractions, axis=st.sampled_from([0, 1]))
 def test_the_angles_of_a_foots_coordinate_hold_its_own_and_are_as_many_as_its_crossings(

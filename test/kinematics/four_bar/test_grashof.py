@@ -25,6 +25,7 @@ def test_each_kind_has_its_name(kind: dict[str, Any]) -> None:
     assert grashof.inversions['ground'] == grashof
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(bar=four_bars())
 @example(FourBar(3, 1, 3, 1))

@@ -89,6 +89,7 @@ def test_the_foot_has_no_limits() -> None:
     assert margins['l_ab'].least == 0.0
 
 
+@pytest.mark.slow
 def test_a_bend_without_limit_turns_all_round() -> None:
     geometry = KlannGeometry.sem104()
     assert length_margins(geometry)['angle_bcg'][1:] == (-math.inf, math.inf)

@@ -176,6 +176,7 @@ def continued(lengths: tuple[float, ...], theta2: np.ndarray, theta3: float, the
     return np.array(theta4s)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'lengths', [(4.0, 1.0, 2.0, 3.0), (5.0, 2.0, 4.0, 3.0), (2.5, 1.0, 2.0, 1.5)]
 )

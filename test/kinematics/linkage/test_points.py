@@ -50,6 +50,7 @@ def test_points_of_a_pose_make_the_same_linkage(name: str) -> None:
     assert_same_motion(linkage_from_text(point_file(pose), name), pose)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('coupled', [False, True])
 def test_points_of_random_linkages_make_the_same(coupled: bool) -> None:
     compared = 0

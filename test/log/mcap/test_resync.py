@@ -91,6 +91,7 @@ CASES = [(damage, compression) for damage in DAMAGES for compression in ('zstd',
 CASES.remove(('a chunk moved onto another', 'none'))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('damage', 'compression'), CASES)
 def test_damage_costs_only_the_chunks_that_it_touches(recovered, damage, compression) -> None:
     change, costs = DAMAGES[damage]

@@ -150,6 +150,7 @@ def test_a_large_message_that_the_recorder_packed_well_is_read(grid, job) -> Non
         assert 'kept: 1 message in all' in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('size', 'compressible'), [(39, True), (41, True), (41, False)])
 def test_recorded_messages_are_read_up_to_the_memory_limit(
     size, compressible, tmp_path, monkeypatch

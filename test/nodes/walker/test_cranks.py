@@ -14,6 +14,7 @@ from std_srvs.srv import Trigger
 CRANKS = '{left_crank: {encoder_ratio: -4.0, motor_ratio: -2.0, zero: 0.3}}'
 
 
+@pytest.mark.slow
 def test_a_robot_with_a_gear_and_wrong_signs_walks_by_its_file(
     ros: Domain, tmp_path: Path
 ) -> None:

@@ -101,6 +101,7 @@ def test_odom_goes_on_at_a_set_pose_and_begins_again(
     assert motors.odom[-1].pose.covariance[0] < 0.01
 
 
+@pytest.mark.slow
 def test_the_scale_of_odom_is_that_of_the_calibration(ros: Domain) -> None:
     walks = []
     for name, factor in (('one', 1.0), ('two', 1.2)):

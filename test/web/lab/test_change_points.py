@@ -189,6 +189,7 @@ function answer({ texts, alphas }) {
 """
 
 
+@pytest.mark.slow
 def test_coupled_loops_pass_change_points_and_end_as_those_of_python() -> None:
     """Of other lengths they end at singular poses, pass them, or are back as another pose."""
     rng = np.random.default_rng(5)

@@ -471,6 +471,7 @@ def test_keys_move_a_point_and_turn_the_crank(lab: Opened) -> None:
     assert lab.page.locator('#alpha').get_attribute('aria-valuetext') == '60.3°'
 
 
+@pytest.mark.slow
 def test_it_turns_and_stops(lab: Opened) -> None:
     lab.page.locator('#play').click()
     lab.until('lab.alpha > 1.2')
@@ -564,6 +565,7 @@ def test_feet_strides_and_lifts_are_of_legs(lab: Opened, tour: Tour) -> None:
         assert not re.search(words, lab.text('#tiles'), re.IGNORECASE)
 
 
+@pytest.mark.slow
 def test_a_guess_may_lead_elsewhere_or_nowhere(lab: Opened) -> None:
     for box, angle in zip(lab.page.locator('#guess input').all(), (60, 15, 45, 60), strict=True):
         box.fill(str(angle))
@@ -641,6 +643,7 @@ def test_the_second_transmission_angle_is_the_courses(lab: Opened) -> None:
     assert worst in lab.text('#tiles')
 
 
+@pytest.mark.slow
 def test_fit_shows_why_it_jams(lab: Opened) -> None:
     lab.page.locator('#number-1').fill('900')
     jammed = lab.page.evaluate('linkOf(lab)')

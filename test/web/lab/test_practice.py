@@ -54,6 +54,7 @@ def assert_near(answer: Any, right: Any) -> None:
         assert answer == right or abs(answer - right) <= NEAR * max(1.0, abs(right))
 
 
+@pytest.mark.slow
 @needs_node
 def test_a_student_gets_the_numbers_of_the_sheet() -> None:
     variants = [make_variant(kind, student) for kind in KINDS.values() for student in STUDENTS]
