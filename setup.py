@@ -54,6 +54,7 @@ EXTRAS['test'] = [
     'pymoo',
     'pyserial',
     'pytest>=7.4',
+    'pytest-xdist',
     'ray',
     'rosbags',
     'scipy',

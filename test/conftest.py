@@ -6,8 +6,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-import fork_server
-from forked_workers import Distribution
 from hypothesis import HealthCheck, settings
 import pytest
 
@@ -81,38 +79,35 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(50_000, 20, 20)
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the number of workers."""
-    parser.addoption('--workers', type=int, default=1, help='number of processes (default: 1)')
-
-
-def pytest_runtestloop(session: pytest.Session) -> bool | None:
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """
-    Give whole files to workers: what a file shares is made once.
+    Give whole files to a worker: what a file shares is made once.
 
-    Some workers take the tests of real processes first, some last.
+    xdist's own groups are marks that it writes into a test's name, which pytest 9.2 no longer
+    reads.
     """
-    batches: dict[str, list[int]] = {}
-    for index, test in enumerate(session.items):
-        file = test.nodeid.split('::', maxsplit=1)[0]
-        batches.setdefault(TOGETHER if file.startswith(TOGETHER) else file, []).append(index)
-    options = session.config.option
-    worker_count = min(options.workers, len(batches))
-    if worker_count < 2 or options.collectonly or options.usepdb or session.testsfailed:
-        return None
+    from xdist.scheduler import LoadScopeScheduling
 
-    def choose(remaining: list[list[int]], worker: int) -> list[int]:
-        def rank(batch: list[int]) -> tuple[bool, bool, int]:
-            file = session.items[batch[0]].nodeid
-            is_real = any(part in file for part in ONE_BY_ONE)
-            return is_real == (worker < LINES), file.startswith(LONG), len(batch)
+    class Scheduler(LoadScopeScheduling):
+        """A file is a scope; some workers take those of real processes first, some last."""
 
-        return max(remaining, key=rank)
+        def _assign_work_unit(self, node: Any) -> None:
+            takes_real = int(node.gateway.id.removeprefix('gw')) < LINES
 
-    # All workers have it.
-    fork_server.server()
-    Distribution(session, list(batches.values()), choose).run(worker_count)
-    return True
+            def rank(scope: str) -> tuple[bool, bool]:
+                is_real = any(part in scope for part in ONE_BY_ONE)
+                return is_real == takes_real, scope.startswith(LONG)
+
+            # Of equals the first one, which has the most tests.
+            self.workqueue.move_to_end(max(self.workqueue, key=rank), last=False)
+            super()._assign_work_unit(node)
+
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split('::', maxsplit=1)[0]
+            return TOGETHER if file.startswith(TOGETHER) else file
+
+    return Scheduler(config, log)
 
 
 @pytest.fixture(scope='session')

@@ -20,8 +20,9 @@ NAMES = ('colcon', 'mypy', 'docs', 'ruff', 'format', 'pytest')
 PLATFORMS = {'mypy_windows': 'win32', 'mypy_macos': 'darwin'}
 EXTRA = ('slow', 'ament_flake8', 'ament_pep257', 'pyodide', *PLATFORMS)
 FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
-# Computing tests run beside tests that wait for processes; see test/conftest.py.
-WORKERS = ('--workers', '5')
+# Computing tests run beside tests that wait for processes; see test/conftest.py. Each worker costs
+# ten seconds of CPU: it collects the tests, imports ROS, and opens a browser.
+WORKERS = ('-n', '4')
 # The tests of real nodes, slow ones too, for the other distributions of ROS.
 ROS_TESTS = ('test/nodes', 'test/examples/test_hardware_driver.py', 'test/review/test_real_run.py')
 ROS_TESTS += ('-m', '')

@@ -52,8 +52,6 @@ LEARNT = re.compile(
 )
 # Instead of an executable: a script, or -c and a text; and its arguments.
 PYTHON = 'python'
-# Message of a process that has a socket of its own.
-JOIN = b'join'
 _STATUS = struct.Struct('i')
 
 
@@ -123,15 +121,10 @@ class ForkedProcess:
 
 
 class ForkServer:
-    """
-    The process that is forked; it ends with the one that has started it.
-
-    A fork of the one that has started it shares it, by a socket of its own.
-    """
+    """The process that is forked; it ends with the one that has started it."""
 
     def __init__(self) -> None:
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._owner = os.getpid()
         environment = {
             **os.environ,
             'PYTHONPATH': os.pathsep.join([PACKAGE, str(Path(__file__).parent)]),
@@ -159,8 +152,6 @@ class ForkServer:
 
         Without a `stdout` there is a pipe, and without a `stdin` nothing to be read.
         """
-        if os.getpid() != self._owner:
-            self._join()
         nothing = os.open(os.devnull, os.O_RDWR)
         ours, theirs = os.pipe() if stdout is None else (os.dup(nothing), os.dup(stdout))
         status, told = os.pipe()
@@ -173,14 +164,6 @@ class ForkServer:
                 os.close(descriptor)
         (pid,) = _STATUS.unpack(self._socket.recv(_STATUS.size))
         return ForkedProcess(pid, os.fdopen(ours, 'r'), status)
-
-    def _join(self) -> None:
-        """Ask by another socket than the other processes that have this object."""
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        socket.send_fds(self._socket, [JOIN], [theirs.fileno()])
-        theirs.close()
-        self._socket = ours
-        self._owner = os.getpid()
 
 
 @cache
@@ -220,31 +203,27 @@ def called(
 def serve(number: int) -> None:
     """Fork whenever asked, and tell how each of these processes ended."""
     _learn(MODULES)
-    sockets = [socket.socket(fileno=number)]
+    asking = socket.socket(fileno=number)
     lessons, teaching = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     children: dict[int, int] = {}
     with _wakened_by_children() as wakeup:
-        while sockets:
-            ready, _, _ = select.select([*sockets, lessons, wakeup], [], [])
+        while True:
+            ready, _, _ = select.select([asking, lessons, wakeup], [], [])
             if wakeup in ready:
                 os.read(wakeup, 4096)
                 _tell_of_the_ended(children)
             if lessons in ready:
                 _learn(json.loads(lessons.recv(1 << 20)))
-            for asking in [connection for connection in sockets if connection in ready]:
+            if asking in ready:
                 text, fds, _, _ = socket.recv_fds(asking, 1 << 20, 4)
                 if not text:
-                    sockets.remove(asking)
-                    asking.close()
-                elif text == JOIN:
-                    sockets.append(socket.socket(fileno=fds[0]))
-                else:
-                    open_sockets = [connection.fileno() for connection in (*sockets, lessons)]
-                    pid = _forked(text, fds, [*open_sockets, wakeup, *children.values()], teaching)
-                    children[pid] = fds[2]
-                    for fd in (*fds[:2], fds[3]):
-                        os.close(fd)
-                    asking.send(_STATUS.pack(pid))
+                    return
+                ours = [number, lessons.fileno(), wakeup, *children.values()]
+                pid = _forked(text, fds, ours, teaching)
+                children[pid] = fds[2]
+                for fd in (*fds[:2], fds[3]):
+                    os.close(fd)
+                asking.send(_STATUS.pack(pid))
 
 
 def _learn(names: Sequence[str]) -> None:
