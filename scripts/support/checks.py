@@ -24,8 +24,10 @@ FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'ex
 # ten seconds of CPU: it collects the tests, imports ROS, and opens a browser.
 WORKERS = ('-n', '4')
 # The tests of real nodes, slow ones too, for the other distributions of ROS.
-ROS_TESTS = ('test/nodes', 'test/examples/test_hardware_driver.py', 'test/review/test_real_run.py')
-ROS_TESTS += ('-m', '')
+ROS_TESTS = (
+    *('test/nodes', 'test/examples/test_hardware_driver.py', 'test/review/test_real_run.py'),
+    *('-m', ''),
+)
 # A test waits for its installation, which is complete when the tests are collected.
 FIRST = 'colcon'
 # The others run beside the tests and take only what these leave of a core.
