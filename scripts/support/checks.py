@@ -13,7 +13,7 @@ from environment import DISTRIBUTIONS, Environment, environment
 from processes import Command, last_lines, run
 from source import ROOT
 
-NAMES = ('colcon', 'mypy', 'docs', 'ruff', 'format', 'pytest')
+NAMES = ('colcon', 'collection', 'mypy', 'docs', 'ruff', 'format', 'pytest')
 # Run where they are asked for: `slow` is what costs much and rarely breaks (pytest.mark.slow);
 # ROS's linters take 40 s, and ruff with test/style refuses the same in one; pyodide fetches 90 MB;
 # mypy for other systems finds names that they lack.
@@ -28,9 +28,9 @@ ROS_TESTS = (
     *('test/nodes', 'test/examples/test_hardware_driver.py', 'test/review/test_real_run.py'),
     *('-m', ''),
 )
-# A test waits for its installation, which is complete when the tests are collected.
-FIRST = 'colcon'
-# The others run beside the tests and take only what these leave of a core.
+# What the tests need: an installation, and their compiled files.
+FIRST = ('colcon', 'collection')
+# The others but the tests run beside the tests and take only what these leave of a core.
 IN_BACKGROUND = ('nice', '-n', '19')
 # A hanging check is interrupted, so that CI shows its output: pytest then names what failed [s].
 TIMEOUT = 840.0
@@ -66,17 +66,19 @@ def main(arguments: list[str]) -> int:
             failed.append('browser')
         commands = _commands(env, work, pytest_arguments)
         requested = [name for name in commands if name in names and name != 'pytest']
+        first = [name for name in requested if name in FIRST]
+        beside = [name for name in requested if name not in FIRST]
 
         def passes(name: str) -> bool:
-            prefix = () if name in (FIRST, 'pytest', 'alone', 'slow') else IN_BACKGROUND
+            prefix = IN_BACKGROUND if name in beside and name != 'slow' else ()
             return _passes(name, [*prefix, *commands[name]], variables, work, slowness * TIMEOUT)
 
-        verdicts = {}
         with ThreadPoolExecutor(2) as pool:
-            beside = pool.map(passes, requested)
+            verdicts = dict(zip(first, pool.map(passes, first), strict=True))
+            background = pool.map(passes, beside)
             if 'pytest' in names:
                 verdicts['pytest'] = passes('pytest') or (_is_rare(work) and passes('alone'))
-            verdicts |= zip(requested, beside, strict=True)
+            verdicts |= zip(beside, background, strict=True)
         failed += [name for name, is_passed in verdicts.items() if not is_passed]
         if 'pytest' in names:
             # The number of passed tests and the time.
@@ -123,6 +125,8 @@ def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict
         'ament_pep257': [env.python, '-m', 'ament_pep257.main', *FILES],
         # The longest first: two run side by side.
         'colcon': colcon,
+        # It compiles the tests once for all workers.
+        'collection': [*env.tool('pytest'), '--collect-only', '--quiet'],
         'mypy': env.tool('mypy'),
         'docs': [env.python, 'docs/build.py', work / 'docs'],
         'ruff': [*ruff, 'check', '--quiet', '--output-format=concise', *FILES],
