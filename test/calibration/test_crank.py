@@ -63,6 +63,7 @@ def test_noise_is_smoothed_and_its_size_is_found() -> None:
     assert stated.noise == pytest.approx(2.0 * CRANK_NOISE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('noise', [0.0, 1e-4, 1e-3])
 def test_errors_between_samples_are_as_large_as_their_covariance(noise: float) -> None:
     squares = []

@@ -39,6 +39,7 @@ def test_a_linkage_with_change_points_is_refused() -> None:
 
 
 # What a log of the Klann leg can tell: condition, worst length and l_gh [mm], zero [deg].
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('points', 'angle', 'condition', 'worst', 'l_gh', 'zero'),
     [
@@ -179,6 +180,7 @@ def test_the_distance_of_a_sliding_body_is_no_angle() -> None:
     assert calibration.series[1].noise == pytest.approx(1e-5, rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_prior_fixes_unobservable_dimensions() -> None:
     robot = Robot(count=300, speed=0.5)
     free = calibrate(DRAWN, robot.measured('H'))
@@ -561,6 +563,7 @@ def test_pixels_with_y_down_are_named() -> None:
         calibrate(DRAWN, pixels, camera='scale')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('angle', [0.0, 0.03])
 def test_a_camera_that_is_turned_is_named(angle: float) -> None:
     robot = Robot()

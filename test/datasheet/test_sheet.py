@@ -42,6 +42,7 @@ def sheet(sem: Robot) -> DataSheet:
     return data_sheet(sem, speed=2.0, load=10.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('speed', 'min_torque', 'max_torque', 'ripple'),
     # MuJoCo's actuator, whose servo lets the speed ripple, and by how much it may be off.
@@ -177,6 +178,7 @@ def peaks(sheet: DataSheet) -> list[float]:
     return [*(turn.peak for turn in turns), *(joint.greatest.value for joint in joints)]
 
 
+@pytest.mark.slow
 def test_a_leg_that_weighs_nothing_carries_a_load(sem: Robot, sheet: DataSheet) -> None:
     unloaded = data_sheet(bare(sem))
     assert unloaded.legs[0].path is not None
@@ -193,6 +195,7 @@ def test_a_leg_that_weighs_nothing_carries_a_load(sem: Robot, sheet: DataSheet) 
     assert light.torque == pytest.approx(expected, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_joint_carries_the_legs_that_it_turns_by_their_phases() -> None:
     robot = weighed(robot_from_file(ROOT / 'config' / 'walker6.yaml'))
     sheet = data_sheet(robot, speed=3.0, samples=30)

@@ -158,6 +158,7 @@ def test_an_empty_folder_is_taken(out: Path) -> None:
     assert run() == 0
 
 
+@pytest.mark.slow
 def test_two_jobs_find_the_same_legs_without_a_worker(out: Path, undisturbed: str) -> None:
     process = started(jobs=2)
     wait_until(process, lambda: bool(workers(process)))

@@ -270,6 +270,7 @@ def test_the_motor_of_a_walker_turns_several_legs(tmp_path: Path) -> None:
     assert leg.reached['motor_margin'] < proven(klann, 'klann', **options).reached['motor_margin']
 
 
+@pytest.mark.slow
 def test_a_leg_and_its_walker_weigh_their_parts() -> None:
     klann = shipped_linkage('klann').scaled(0.25)
     parts = {'material': 'PLA', 'infill': 0.3, 'thickness': 4, 'pins': 'steel'}

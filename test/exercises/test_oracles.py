@@ -645,6 +645,7 @@ def test_the_design_does_what_its_task_says(name: str, student: int) -> None:
     assert max(map(abs, misfits)) <= 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'name',
     ['three-poses', 'three-poses-pivots', *(k for k in KINDS if k.startswith('function'))],

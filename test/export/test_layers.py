@@ -154,6 +154,7 @@ def test_the_title_of_a_layer_fits_its_panel() -> None:
         assert 0.6 * len(title.text) * float(title.get('font-size')) < 88
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', SHIPPED_ROBOTS)
 def test_labels_of_a_layer_do_not_overlap(name: str) -> None:
     for panel in sheet_of(name).iter(f'{SVG}g'):

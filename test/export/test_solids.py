@@ -283,6 +283,7 @@ def test_the_sheet_of_a_framed_walker_counts_the_parts_of_its_longer_pins(tmp_pa
     assert 'printed wall' not in plain.read_text()
 
 
+@pytest.mark.slow
 def test_frames_of_one_kind_and_several_sizes_have_names_of_their_own() -> None:
     legs = placed_legs(robot_from_file(str(CONFIG / 'walker6.yaml')), SIZES, 0.2)
     meshes = printed_parts(distinct_parts(legs))

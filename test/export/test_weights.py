@@ -128,6 +128,7 @@ def bar(link: tuple[complex, complex]) -> LineString | Point:
     return LineString([start, end]) if start != end else Point(start)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['klann', 'jansen', 'quick_return'])
 def test_a_printed_leg_weighs_its_meshes_in_describe(name: str, tmp_path: Path) -> None:
     file, sheet = tmp_path / 'leg.yaml', tmp_path / 'leg.json'

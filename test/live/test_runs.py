@@ -116,6 +116,7 @@ def answers_of(folder: Path, address: str) -> list[tuple[aiohttp.ClientResponse,
     return answers
 
 
+@pytest.mark.slow
 def test_a_real_run_is_reviewed_by_a_real_process(tmp_path: Path) -> None:
     """The review's scripts get an origin of their own, not the server's."""
     LegRun().write(tmp_path / 'run')

@@ -120,6 +120,7 @@ def test_ticks_of_several_cranks_turn_the_legs_on_them(ros: Domain) -> None:
     assert 'solving' in messages
 
 
+@pytest.mark.slow
 def test_a_simulated_walker_walks_by_ticks(ros: Domain) -> None:
     truths: list[Odometry] = ros.probe.listen(Odometry, 'ground_truth')
     odometry: list[Odometry] = ros.probe.listen(Odometry, 'odom')

@@ -228,6 +228,7 @@ def test_keys_are_those_of_ros2_bag_play_and_of_job_control(ros: Domain, termina
     assert player.attributes == player.before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('key', 'code'),
     [(SPACE, 0), (CTRL_BACKSLASH, -signal.SIGQUIT)],
@@ -268,6 +269,7 @@ pressed.wait()
     assert terminal.attributes == terminal.before
 
 
+@pytest.mark.slow
 def test_in_the_background_the_terminal_is_not_touched(ros: Domain, terminal: Open) -> None:
     player = terminal(*STILL, place='bg')
     ros.probe.until(lambda: 'ready: ' in player.errors)
@@ -297,6 +299,7 @@ def test_in_the_background_the_terminal_is_not_touched(ros: Domain, terminal: Op
     assert player.attributes == player.before
 
 
+@pytest.mark.slow
 def test_the_terminal_is_left_alone_when_asked_to(ros: Domain, terminal: Open) -> None:
     player = terminal('--start-paused', '--disable-keyboard-controls')
     # Where keys are read, the terminal is taken before a node answers.

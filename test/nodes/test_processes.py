@@ -120,6 +120,7 @@ def test_one_or_two_stop_signals_end_a_node_orderly(
         assert 'Traceback' not in node.errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'delays'),
     [('solver_node', [0.0, 0.1, 0.2, 0.4, 0.7]), ('crank_node', [0.1]), ('recorder_node', [0.2])],
@@ -194,6 +195,7 @@ def start_stuck(tmp_path: Path) -> Iterator[Callable[..., StuckNode]]:
         yield start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_middleware_that_never_ends_does_not_hold_up_a_finished_node(
     start_stuck: Callable[..., StuckNode], tmp_path: Path, number: signal.Signals

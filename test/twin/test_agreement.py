@@ -21,6 +21,7 @@ def compared(name: str) -> Agreement:
 
 
 # A leg, many loops, slides, springs.
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['sem104', 'jansen', 'quick_return', 'andrews'])
 def test_foot_torque_and_reactions_are_those_of_the_engine(name: str) -> None:
     assert compared(name).foot <= 3e-6

@@ -284,6 +284,7 @@ def walked(
     return odometry, estimate.x, estimate.y
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('spread', [0.0, 2.0, 30.0, 60.0])
 def test_an_accelerometer_that_the_feet_contradict_moves_nothing(
     two_motors: Feet, spread: float

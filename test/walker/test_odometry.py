@@ -145,6 +145,7 @@ def test_slip_makes_the_way_as_uncertain_ahead_as_aside(two_motors: Feet) -> Non
     assert (aside, yaw) == pytest.approx((ahead, 0.0), rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_heading_that_is_unknown_by_a_radian_leaves_a_circle_of_poses() -> None:
     odometry = Odometry(
         Feet(robot_of(str(CONFIG / 'walker_jansen.yaml'))), OdometryNoise(slip_yaw_error=0.3)

@@ -79,6 +79,7 @@ def test_they_are_read_whole_and_have_no_problem(files) -> None:
             assert log.problems == (), path.name
 
 
+@pytest.mark.slow
 def test_recover_keeps_all_of_them(files, tmp_path) -> None:
     # A recovery reads as the library here does; some of them are enough.
     for path, content in files[::8]:
@@ -89,6 +90,7 @@ def test_recover_keeps_all_of_them(files, tmp_path) -> None:
         assert (recovery.attachments, recovery.metadata) == (attachments, metadata), path.name
 
 
+@pytest.mark.slow
 def test_a_file_of_a_killed_writer_is_read_completely(files, tmp_path) -> None:
     for closed_path, content in files:
         data = closed_path.read_bytes()

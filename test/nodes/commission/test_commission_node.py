@@ -38,7 +38,15 @@ def robot(ros: Domain, faults: str, **types: object) -> Process:
     return ros.start('sim_node', *FILE, faults=faults, home_switches=True, use_clock=True, **types)
 
 
-@pytest.mark.parametrize('types', [{}, {'crank_state_type': 'ticks', 'counts_per_turn': 4096}])
+@pytest.mark.parametrize(
+    'types',
+    [
+        {},
+        pytest.param(
+            {'crank_state_type': 'ticks', 'counts_per_turn': 4096}, marks=pytest.mark.slow
+        ),
+    ],
+)
 def test_wrong_wiring_is_named_and_written(
     ros: Domain, tmp_path: Path, types: dict[str, Any]
 ) -> None:

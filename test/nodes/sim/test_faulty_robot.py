@@ -4,11 +4,13 @@ from typing import Any
 
 from crank_motors import TWO_MOTORS
 from nav_msgs.msg import Odometry
+import pytest
 from ros_domain import Domain
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Bool
 
 
+@pytest.mark.slow
 def test_commands_and_readings_pass_the_faults(ros: Domain) -> None:
     cranks: list[JointState] = ros.probe.listen(JointState, 'crank_state')
     imus: list[Imu] = ros.probe.listen(Imu, 'imu')

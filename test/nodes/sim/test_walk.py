@@ -17,6 +17,7 @@ def stamp_of(odometry: Odometry) -> tuple[int, int]:
     return odometry.header.stamp.sec, odometry.header.stamp.nanosec
 
 
+@pytest.mark.slow
 def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
     ros: Domain, tmp_path: Path
 ) -> None:

@@ -174,6 +174,7 @@ def test_a_shipped_walkers_feet_are_where_its_legs_put_them(ros: Domain, walker:
     talk.assert_feet({name: KlannLeg().closed_form(alpha).h for name, alpha in alphas.items()})
 
 
+@pytest.mark.slow
 def test_24_legs_at_200_hz_have_their_feet_where_the_closed_form_has_them(ros: Domain) -> None:
     names = [f'leg{k}' for k in range(24)]
     phases = {f'{name}.phase': k * math.pi / 12 for k, name in enumerate(names)}

@@ -175,6 +175,7 @@ def test_a_signal_stops_a_walker_that_a_page_drives(ros: Domain, number: signal.
     assert [(twist.linear.x, twist.angular.z) for twist in last] == [(0.0, 0.0)] * LAST_MESSAGES
 
 
+@pytest.mark.slow
 def test_a_player_and_the_walk_of_the_simulation_yield_to_a_driver(ros: Domain) -> None:
     run = write_run(ros.folder / 'run', [make_messages(200, period=10_000_000)])
     received = {

@@ -109,6 +109,7 @@ def written(card: Machine) -> int:
     return int(words.rpartition(' ')[2].replace(',', ''))
 
 
+@pytest.mark.slow
 def test_the_buttons_of_a_recorder_make_a_run(live: Live, recorded_run: Path) -> None:
     names = {path.name for path in recorded_run.glob('*.mcap')}
     assert names == {'run_0.mcap', 'run_1.mcap'}

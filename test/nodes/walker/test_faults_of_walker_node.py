@@ -214,6 +214,7 @@ def test_velocities_in_rpm_are_named(two_motors: Plant) -> None:
     assert two_motors.status.level == DiagnosticStatus.WARN
 
 
+@pytest.mark.slow
 def test_an_imu_on_its_head_and_six_motors_of_which_one_is_reversed(
     start_plant: Callable[..., Plant],
 ) -> None:

@@ -67,6 +67,7 @@ def until_rejected(
     ros.probe.until(is_rejected)
 
 
+@pytest.mark.slow
 def test_odom_goes_on_at_a_set_pose_and_begins_again(
     ros: Domain, walker: Process, motors: Motors
 ) -> None:

@@ -9,6 +9,7 @@ from ros_domain import Domain
 from sensor_msgs.msg import JointState
 
 
+@pytest.mark.slow
 def test_it_walks_stands_and_starts_again_without_encoders(ros: Domain) -> None:
     words = ['--ros-args', '--params-file', TWO_MOTORS]
     node = ros.start('walker_node', *words, open_loop=True, diagnostics_period=0.1)

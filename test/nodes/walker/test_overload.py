@@ -1,11 +1,13 @@
 """walker_node: an effort in crank_state that is too large for too long stops it."""
 
 from crank_motors import Motors, TWO_MOTORS
+import pytest
 from ros_domain import Domain
 
 FILE = ['--ros-args', '--params-file', TWO_MOTORS]
 
 
+@pytest.mark.slow
 def test_an_overload_stops_it_until_it_is_reset(ros: Domain) -> None:
     node = ros.start('walker_node', *FILE, diagnostics_period=0.1, max_effort=12.0)
     motors = Motors(ros)

@@ -64,6 +64,7 @@ def poses() -> list[LinkagePose]:
     return firm_poses
 
 
+@pytest.mark.slow
 def test_numbers_and_assembly_are_those_of_python(poses: list[LinkagePose]) -> None:
     texts = [point_file(pose, directions=bool(n % 2)) for n, pose in enumerate(poses)]
     texts += [FILES['four-bar'], FILES['shaper']]
