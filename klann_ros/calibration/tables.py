@@ -3,14 +3,13 @@
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 import csv
-from math import isfinite
 import re
 from typing import NamedTuple
 
 from klann_ros.cli import decoded_text
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import RobotLeg
-from klann_ros.sanitize.quantity import conversion_factor
+from klann_ros.sanitize.quantity import si_size
 from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
 
@@ -68,8 +67,7 @@ class Column(NamedTuple):
             raise MeasurementError(
                 f'column {printable(self.name)}: {printable(unit)} is no known unit: {legal}'
             )
-        sizes = [conversion_factor(unit, si_unit) for si_unit in ('m', 's', 'rad')]
-        return self.numbers * next((size for size in sizes if size and isfinite(size)), 1.0)
+        return self.numbers * (si_size(unit) or 1.0)
 
 
 def load_table(

@@ -55,6 +55,12 @@ def conversion_factor(name: str, unit: str) -> float | None:
     return reading[0] / asked[0] if reading[1] == asked[1] else nan
 
 
+def si_size(name: str) -> float | None:
+    """Return the size of a unit in SI units; None if unknown."""
+    reading = _read_unit(tidy(name), _units())
+    return reading[0] if reading else None
+
+
 def tidy(text: str) -> str:
     """Return a text in small letters, with plain signs and spaces, and powers after carets."""
     # Mega, before its letter is small.
