@@ -85,16 +85,19 @@ class _Pose:
         body = {key: link[key] for key in link if key != 'points'}
         direction = self._direction(name)
         start, *ends = self._points[name]
-        bars = []
+        bars: list[dict[str, Any]] = []
         for end in ends:
             vector = self._vector(name, start, end)
-            bend = phase(vector / direction) / self._radian
-            bars.append({'from': start, 'to': end, 'length': abs(vector), 'bend': bend})
-        body |= {'bars': bars} if bars else {}
+            bar = {'from': start, 'to': end, 'length': abs(vector)}
+            # The first bar of a link that turns is its direction.
+            if bars or 'slides' in body:
+                bar['bend'] = phase(vector / direction) / self._radian
+            bars.append(bar)
+        if bars:
+            body['bars'] = bars
         if 'slides' in body:
             body['slides'], distance = self._line(name)
             return body, distance
-        del bars[0]['bend']
         sense = -1.0 if body.get('clockwise') else 1.0
         return body, sense * phase(direction) / self._radian
 
