@@ -90,7 +90,7 @@ class LiveChart extends PlotFigure {
         legend: { show: false },
         cursor: { show: false },
         scales: { x: { time: false, range: [-SPAN, 0] } },
-        axes: axes.map((each) => ({ ...each, labelSize: LABEL_SIZE })),
+        axes: axes.map((plotAxis) => ({ ...plotAxis, labelSize: LABEL_SIZE })),
         series: [
           {},
           ...lines.map((line) => ({

@@ -34,6 +34,9 @@ from .driven_leg import DrivenLeg, SolverStatistics
 from .leg_parameters import LegParameters
 from .leg_publishers import LegDescription, LegMarkers, LegMessages
 
+# Inputs are stale after this time without one [s].
+STALE_AFTER = 2.0
+
 
 class SolverNode(ProcessNode):
     """Answer crank angles with the legs' joint angles and feet."""
@@ -151,10 +154,6 @@ class ManagedSolverNode(LifecycleNodeMixin, SolverNode):
     def _log(self, text: str) -> TransitionCallbackReturn:
         self.get_logger().info(text)
         return TransitionCallbackReturn.SUCCESS
-
-
-# Inputs are stale after this time without one [s].
-STALE_AFTER = 2.0
 
 
 class SolverDiagnostics:
