@@ -38,7 +38,6 @@ EXTRAS['all-kilted'] = sorted({*WITHOUT_ROS, *KILTED})
 EXTRAS['test'] = [
     'aiohttp',
     'axe-playwright-python',
-    'duckdb',
     'ezdxf',
     'fonttools',
     'hypothesis',
@@ -55,7 +54,6 @@ EXTRAS['test'] = [
     'pyserial',
     'pytest>=7.4',
     'pytest-xdist',
-    'ray',
     'rosbags',
     'scipy',
     'shapely',

@@ -45,10 +45,11 @@ MAX_RERUNS = 5
 def main(arguments: list[str]) -> int:
     """Run the checks; return 0 if all of them passed."""
     names, ros, pytest_arguments = _parse(arguments)
+    command = 'test slow' if 'slow' in names else 'test'
     failed = []
     summary = ''
     with (
-        environment('test --ros' if ros else 'test', ros) as env,
+        environment('test --ros' if ros else command, ros) as env,
         tempfile.TemporaryDirectory(prefix='klann_ros-') as folder,
         own_world(Path(folder)) as world,
     ):

@@ -29,6 +29,7 @@ NEEDS = {
     'demo': ('plot,sim,view', None),
     'demo --calibrate': ('calibration,sim,view', None),
     'test': ('fast,plot,test', Path(__file__).with_name('checks.txt')),
+    'test slow': ('cluster,fast,plot,test', Path(__file__).with_name('slow.txt')),
     'test --ros': ('fast,plot,test', None),
     'benchmark': ('design,fast,plot,sim,view', Path(__file__).with_name('benchmarks.txt')),
 }
@@ -83,6 +84,10 @@ class Environment:
         is_standard = self.ros == 'jazzy' and not self.numpy and not self.constraints
         system = (platform.system(), platform.machine())
         return is_standard and system == LOCKED_SYSTEM and os.environ.get('CI') == 'true'
+
+    def has_locked(self, command: str) -> bool:
+        """Return whether the lock file has all that a command needs."""
+        return self.is_locked and command == 'test'
 
     @property
     def variables(self) -> dict[str, str]:
@@ -224,13 +229,21 @@ def _numpy_of_sourced_ros(ros: str) -> str:
 def _stamp_lines(env: Environment, command: str) -> tuple[str, str, str]:
     """Return the stamp's lines of a complete environment: its Python, sources and packages."""
     extras, requirements = NEEDS[command]
-    packages = requirements.read_text('utf-8') if requirements else ''
-    if env.is_locked:
-        packages = LOCK.read_text('utf-8')
+    if env.has_locked(command):
+        requirements = LOCK
+    packages = _text_with_included(requirements) if requirements else ''
     inputs = [env.constraints, env.numpy, extras, packages]
     installed = hashlib.sha256('\0'.join(inputs).encode()).hexdigest()
     python_line = f'{env.folder} {Path(sys.executable).resolve()}'
     return python_line, f'sources {source.digest()}', f'{command} {installed}'
+
+
+def _text_with_included(requirements: Path) -> str:
+    """Return a requirements file with those that it includes."""
+    text = requirements.read_text('utf-8')
+    for name in re.findall(r'^-r (.+)', text, re.MULTILINE):
+        text += _text_with_included(requirements.parent / name)
+    return text
 
 
 def _is_complete(env: Environment, command: str) -> bool:
@@ -304,7 +317,7 @@ def _install(env: Environment, command: str, is_made: bool) -> None:
         source.copy(work / 'source')
         options = ['--no-build-isolation', '--constraint', work / 'constraints.txt']
         extras, requirements = NEEDS[command]
-        if env.is_locked and command == 'test':
+        if env.has_locked(command):
             _run(progress, [*pip, *options, '--require-hashes', '--requirement', LOCK])
             _run(progress, [*pip, *options, '--no-deps', work / 'source'])
             return

@@ -25,6 +25,7 @@ def output_of(name: str, *arguments: str | Path, folder: Path) -> str:
     return result.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', BENCHMARKS)
 def test_a_benchmark_runs_to_its_end_in_its_smallest_form(name: str, tmp_path: Path) -> None:
     output_of(name, '--smoke', folder=tmp_path)
@@ -38,6 +39,7 @@ def test_the_errors_of_a_recorded_odometry_are_those_of_its_definition(tmp_path:
     assert 'APE 1.16% of the path, RPE over 1 m 2.00 cm and 0.00 deg' in printed
 
 
+@pytest.mark.slow
 def test_ape_and_rpe_are_those_of_evo(tmp_path: Path) -> None:
     pytest.importorskip('mujoco')
     pytest.importorskip('evo')

@@ -150,7 +150,6 @@ def test_rows_are_the_same_byte_for_byte_however_many_make_them(
 
 
 def test_a_parquet_table_is_the_csv(outputs: Path, tmp_path: Path) -> None:
-    duckdb = pytest.importorskip('duckdb')
     pandas = pytest.importorskip('pandas')
     rows = rows_from_table(str(outputs / 'table.csv'))
     path = tmp_path / 'table.parquet'
@@ -160,6 +159,14 @@ def test_a_parquet_table_is_the_csv(outputs: Path, tmp_path: Path) -> None:
     assert rows_from_table(str(path)) == rows
     frame = pandas.read_parquet(path)
     assert frame['run'].tolist() == [row.run for row in rows]
+
+
+@pytest.mark.slow
+def test_duckdb_queries_a_parquet_table(outputs: Path, tmp_path: Path) -> None:
+    duckdb = pytest.importorskip('duckdb')
+    path = tmp_path / 'table.parquet'
+    with path.open('wb') as file:
+        each_command.save_table(str(path), rows_from_table(str(outputs / 'table.csv')), file)
     query = f"select verdict, count(*) from '{path}' group by 1 order by 1"  # noqa: S608
     assert duckdb.sql(query).fetchall() == [('findings', 3), ('ok', 1), ('unreadable', 3)]
 
