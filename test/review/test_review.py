@@ -4,8 +4,10 @@ import math
 from pathlib import Path
 import re
 
+from klann_ros.kinematics import foot_path, KlannLeg
 from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
+from leg_runs import LegRun
 import pytest
 from review_findings import moments
 
@@ -36,6 +38,14 @@ def test_less_than_a_turn_has_no_stride(make_script, make_run, turns, is_path) -
     assert math.isnan(leg.figures.stride) is not is_path
     assert math.isnan(leg.figures.lift) is not is_path
     assert not math.isnan(leg.figures.duty_factor)
+
+
+def test_a_foot_at_the_end_of_its_stance_is_on_the_ground(tmp_path) -> None:
+    leg = KlannLeg()
+    run = LegRun({'': leg}, parameters=leg.geometry.as_dict(), turns=0.0, count=20)
+    run.start = foot_path(leg).stance().end
+    (reviewed,) = review_run(run.write(tmp_path / 'run')).legs
+    assert reviewed.figures.duty_factor == 1.0
 
 
 def test_a_lower_bound_of_losses_is_explained(healthy, printed) -> None:

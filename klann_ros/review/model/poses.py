@@ -193,8 +193,7 @@ def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigure
     duty_factor = straightness = nan
     if stance is not None:
         straightness = stance.straightness
-        is_stance = np.mod(alphas - stance.start, stance.period) < stance.end - stance.start
-        duty_factor = float(np.mean(is_stance)) if is_stance.size else nan
+        duty_factor = float(np.mean(stance.holds(alphas))) if len(alphas) else nan
     figures = LegFigures(turns, float(stride), float(lift), duty_factor, straightness)
     if errors is None:
         return figures
