@@ -21,7 +21,8 @@ from klann_ros.cli import (
     save_folder,
     UsageError,
 )
-from klann_ros.robot import Robot, robot_of, RobotFileError, SEPARATORS
+from klann_ros.kinematics import KinematicsError
+from klann_ros.robot import Robot, robot_of, SEPARATORS
 from klann_ros.sanitize.text import counted, printable, printable_line
 from klann_ros.sanitize.yaml_text import parse
 from klann_ros.twin import robot_mjcf
@@ -35,13 +36,13 @@ from .parts import distinct_parts, HOLE_CLEARANCE, Part, PlacedLeg, WALL_LAYER
 from .plates import ExportError, slot_conflict
 from .ros2_control import ros2_control_files
 from .solids import glb, NoSolidsError, oversize_warnings, printed_parts, stl_files, three_mf
-from .urdf import urdf
+from .urdf import loops_urdf, urdf
 from .weights import MATERIALS, part_settings, part_sizes, weighed, weighed_file
 
 # Length of a sliding body without bars, as a part of the linkage's size.
 SLIDER_LENGTH = 0.1
 FORMATS = ('mjcf', 'urdf', 'joints', 'svg', 'dxf', 'assembly', '3mf', 'glb')
-FOLDERS = ('ros2-control', 'stl')
+FOLDERS = ('loops-urdf', 'ros2-control', 'stl')
 PLATES = ('svg', 'dxf', 'assembly', '3mf', 'glb', 'stl')
 WEIGHED = 'weighed'
 DESCRIPTION = """\
@@ -59,12 +60,8 @@ FILE, or a YAML file."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Export a robot; return the exit code."""
-    codes = {
-        NoEzdxfError: NOT_WRITTEN,
-        NoSolidsError: NOT_WRITTEN,
-        RobotFileError: NOT_READ,
-        ValueError: NOT_READ,
-    }
+    codes: dict[Any, int] = dict.fromkeys([KinematicsError, ValueError], NOT_READ)
+    codes |= dict.fromkeys([NoEzdxfError, NoSolidsError], NOT_WRITTEN)
     return _parser().run(_export, codes, argv)
 
 
@@ -124,6 +121,8 @@ def _contents(
     """Return the content of each file, and the files of each folder, by its option."""
     contents = _models(robot, options)
     folders: dict[str, dict[str, bytes]] = {}
+    if options.loops_urdf is not None:
+        folders['--loops-urdf'] = loops_urdf(robot, options.joint_separator)
     if options.ros2_control is not None:
         folders['--ros2-control'] = ros2_control_files(options.file, robot)
     if any(getattr(options, name) is not None for name in (*PLATES, WEIGHED)):
@@ -278,6 +277,8 @@ def _parser() -> ArgumentParser:
     add('--mjcf', metavar='OUT.xml', help='a model of MuJoCo, with its masses')
     add('--urdf', metavar='OUT.urdf', help='for robot_state_publisher')
     add('--joints', metavar='OUT.csv', help="the first leg's joints, for import_linkage [mm]")
+    loops = 'a new folder: URDF and loop_closures.yaml, for scikit-robot and import_linkage'
+    add('--loops-urdf', metavar='FOLDER', type=path, help=loops)
     control = 'a new folder: the walker in MuJoCo or on hardware, by ros2_control'
     add('--ros2-control', metavar='FOLDER', type=path, help=control)
     separator = "between a leg's name and its joint's in the URDF (_), as solver_node's parameter"

@@ -7,17 +7,18 @@ joint turns back the parent's rotation. The joints without mimic are exactly the
 tree cannot close loops: where two bodies meet, one carries the point, and the published angles let
 the other end there too. Each body's first link has its mass, if the file has masses: they
 give the centre of mass at the published angles, but no dynamics. Frames and joints of a Klann leg
-are those of klann.urdf.xacro.
+are those of klann.urdf.xacro. With `loops_urdf` joints are pins and sliders, and loops are closed.
 """
 
-from cmath import phase
-from typing import NamedTuple
+from cmath import phase, rect
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, indent, SubElement, tostring
 
-from klann_ros.kinematics import Bar, body_points, colour_of, FIXED
+from klann_ros.kinematics import Bar, body_points, colour_of, FIXED, LinkageLeg, LinkagePose
 from klann_ros.robot import Robot, RobotLeg, Triple
 from klann_ros.sanitize.text import printable
-from klann_ros.twin import spanning_tree
+from klann_ros.sanitize.yaml_text import dump
+from klann_ros.twin import spanning_tree, start_angle
 
 from .travel import travel
 
@@ -28,6 +29,7 @@ LINK_COLOURS = {PIN: '0.15 0.15 0.15 1', FRAME: '0.45 0.45 0.48 1'}
 BAR_WIDTH, SLIDER_LENGTH, LAYERS = 0.05, 1.6, 4
 # Radius of a joint's pin in widths.
 PIN_RADIUS = 0.6
+Loops = dict[str, dict[str, Any]]  # the lists of a `loop_closures.yaml`, by names
 
 
 class Place(NamedTuple):
@@ -45,6 +47,7 @@ def urdf(
     frame_id: str = 'leg_plane',
     frame_prefix: str = '',
     joint_separator: str = '_',
+    loops: Loops | None = None,
 ) -> str:
     """
     Return a robot as URDF, its legs moved by joint_states.
@@ -59,6 +62,8 @@ def urdf(
         Prefix of every frame but `base_frame`.
     joint_separator : str
         Separator between the names of a leg and its joint, as in solver_node's parameter.
+    loops : Loops, optional
+        The closures that `loops_urdf` writes, to be filled.
 
     Raises
     ------
@@ -80,9 +85,26 @@ def urdf(
     SubElement(root, 'link', name=base_frame)
     for leg in robot.legs:
         writer = _LegWriter(root, leg, frame_prefix + leg.prefix, joint_separator, joints)
+        if loops is not None:
+            crank = leg.crank_angles(start_angle(robot.on_joint(leg.crank_joint)))
+            writer.pose = LinkageLeg(leg.linkage).closed_form(float(crank))
+            writer.loops = loops
         writer.write(base_frame, frame_id)
     indent(root)
     return URDF_HEADER + tostring(root, encoding='unicode') + '\n'
+
+
+def loops_urdf(robot: Robot, joint_separator: str) -> dict[str, bytes]:
+    """
+    Return `robot.urdf`, its joints named by points, and its `loop_closures.yaml`.
+
+    At joint zero a crank is at position 0, or at one that closes all its legs, which mimic the
+    first. Points and axes of closures are in `base_link`, as scikit-robot reads them.
+    """
+    loops: Loops = {'closures': {}, 'dependent': {}, 'independent': {}}
+    model = urdf(robot, joint_separator=joint_separator, loops=loops)
+    sidecar = dump({key: [*named.values()] for key, named in loops.items()}, flow_style=None)
+    return {'robot.urdf': model.encode(), 'loop_closures.yaml': f'{sidecar}\n'.encode()}
 
 
 class _LegWriter:
@@ -109,6 +131,8 @@ class _LegWriter:
         # Names of joints of all legs: a fixed joint must not have the name of a published one.
         self._joints = joints
         self._frames: set[str] = set()
+        self.pose: LinkagePose | None = None  # at joint zero, if the joints are the pins
+        self.loops: Loops = {}
 
     def write(self, base_frame: str, frame_id: str) -> None:
         """Write the leg, from its mount on."""
@@ -129,18 +153,32 @@ class _LegWriter:
         carried = self._points[structure.first_owner(structure.foot), structure.foot]
         self._fixed('foot', carried, foot, 0.0)
         self._sphere(self._link(foot), 0j, 0, 1.5)
+        if self.pose:
+            places = mount.transform(self.pose.points).tolist()
+            for point, *bodies in spanning_tree(self._linkage)[1]:
+                closure: dict[str, Any] = {'name': self._new_joint(point)}
+                links = (self._points[j, point].link for j in bodies)
+                closure['link_a'], closure['link_b'] = links
+                closure['point'] = places[structure.points.index(point)]
+                closure['axis'] = mount.rotation[:, 2].tolist()
+                self.loops['closures'][closure['name']] = closure
 
     def _rotating(self, j: int, owner: int, point: str) -> None:
         """Add the joint of a body that turns about a point, and its bars."""
         body = self._structure.bodies[j]
         first = body.bars[0]
         on = self._points[owner, point]
+        sense = body.sense
         frame = FIXED if owner == FIXED else self._structure.frames[owner]
-        if frame != FIXED:
+        if self.pose:
+            directions = (*self.pose.vectors, 1.0)  # FIXED is the last
+            on = on._replace(bend=on.bend - phase(directions[j] / directions[frame]))
+            sense *= 1 if j else self._leg.direction
+        elif frame != FIXED:
             on = Place(self._unrotated(owner, point, frame), 0j, 0.0)
         link = self._new_frame(_name(first.start, first.end))
         child = link if point == first.start else self._new_frame(f'{link}_{point.lower()}')
-        self._moving(j, 'continuous', on, child, (0.0, 0.0, float(body.sense)))
+        self._moving(j, point, on, child, (0.0, 0.0, float(sense)))
         if child != link:
             self._link(child)
             offset = body_points(self._structure, self._linkage.bars)[j, point]
@@ -169,17 +207,18 @@ class _LegWriter:
     def _sliding(self, j: int, line: Bar, on: Place, stroke: tuple[float, float]) -> None:
         body = self._structure.bodies[j]
         direction = complex(self._linkage.bars[self._structure.line_of[j]])
-        low, high = stroke
+        start = self.pose.joints[j] if self.pose else 0.0
+        on = on._replace(at=on.at + start * direction * rect(1.0, -on.bend))
+        low, high = (end - start for end in stroke)
         link = self._new_frame(body.angle.lower())
         axis = direction.real, direction.imag, 0.0
-        joint = self._moving(j, 'prismatic', on, link, axis)
+        joint = self._moving(j, f'line_{link}', on, link, axis)
         margin = 0.05 * (high - low) + self._width
         limits = {'lower': _number(low - margin), 'upper': _number(high + margin)}
         SubElement(joint, 'limit', limits, effort='1000', velocity='1000')
-        size = SLIDER_LENGTH * self._width, self._width, self._width / 2.0
         element = self._link(link)
         self._inertial(element, j)
-        self._box(element, 0j, phase(direction), j % LAYERS, size, f'klann_{j}')
+        self._box(element, 0j, phase(direction), SLIDER_LENGTH * self._width, j)
         self._points[j, line.end] = Place(link, 0j, 0.0)
         self._bars(j, body.rigid)
 
@@ -221,9 +260,18 @@ class _LegWriter:
         xyz = on.at.real, on.at.imag, 0.0
         self._joint(self._new_joint(name), 'fixed', on.link, child, xyz, rpy)
 
-    def _moving(self, j: int, kind: str, on: Place, child: str, axis: Triple) -> Element:
-        name = self._leg.joint_name(self._structure.bodies[j].angle, self._separator)
-        return self._moving_joint(name, kind, on, child, axis)
+    def _moving(self, j: int, pin: str, on: Place, child: str, axis: Triple) -> Element:
+        body = self._structure.bodies[j]
+        kind = 'prismatic' if body.slides else 'continuous'
+        if not self.pose:
+            name = self._leg.joint_name(body.angle, self._separator)
+            return self._moving_joint(name, kind, on, child, axis)
+        name = self._new_joint(pin)
+        joint = self._moving_joint(name, kind, on, child, axis)
+        group, key = ('dependent', name) if j else ('independent', self._leg.crank_joint)
+        if (driver := self.loops[group].setdefault(key, name)) != name:
+            SubElement(joint, 'mimic', joint=driver)
+        return joint
 
     def _moving_joint(self, name: str, kind: str, on: Place, child: str, axis: Triple) -> Element:
         xyz = on.at.real, on.at.imag, 0.0
@@ -248,21 +296,18 @@ class _LegWriter:
         for n, pivot in enumerate(pivots):
             side = pivots[n - 1] - pivot
             if n or len(pivots) > 2:
-                size = abs(side), self._width, self._width / 2.0
-                self._box(plane, pivot + side / 2.0, phase(side), -1, size, FRAME)
+                self._box(plane, pivot + side / 2.0, phase(side), abs(side), FIXED)
             self._sphere(plane, pivot, -1, 1.0)
 
     def _bar(self, link: Element, j: int, length: float) -> None:
-        size = length, self._width, self._width / 2.0
-        self._box(link, complex(length / 2.0), 0.0, j % LAYERS, size, f'klann_{j}')
+        self._box(link, complex(length / 2.0), 0.0, length, j)
         self._sphere(link, 0j, j % LAYERS, 1.0)
 
-    def _box(  # noqa: PLR0917 - the attributes of a box
-        self, link: Element, centre: complex, turn: float, layer: int, size: Triple, material: str
-    ) -> None:
-        visual = self._visual(link, centre, turn, layer)
+    def _box(self, link: Element, centre: complex, turn: float, length: float, j: int) -> None:
+        visual = self._visual(link, centre, turn, j % LAYERS if j != FIXED else j)
+        size = length, self._width, self._width / 2.0
         SubElement(SubElement(visual, 'geometry'), 'box', size=_numbers(size))
-        SubElement(visual, 'material', name=material)
+        SubElement(visual, 'material', name=f'klann_{j}' if j != FIXED else FRAME)
 
     def _sphere(self, link: Element, centre: complex, layer: int, scale: float) -> None:
         """Draw a pin, whose radius is a multiple of that of a joint."""

@@ -163,7 +163,8 @@ def _slides(joints: Sequence[Joint], crank: str, points: Points) -> dict[str, di
         members = points.setdefault(slider, {})
         name = joint.name if slider != joint.links[0] else f'{joint.name}__slide'
         # The point that slides is the first; another joint of the link may be in its place.
-        name = next((n for n, place in members.items() if place == joint.position), name)
+        same = [n for n, place in members.items() if abs(place - joint.position) < 1e-9]
+        name = next(iter(same), name)
         points[slider] = {name: joint.position, **members}
         # Farther than any joint, so that it is in no other's place.
         length = 1.1 * max(abs(other.position - joint.position) for other in joints)

@@ -180,7 +180,7 @@ def _planar_joints(hinges: Sequence[_Hinge], driven: Container[str]) -> Iterator
     right *= 1.0 if right.sum() > 0.0 else -1.0
     plane = np.array([right, up])
     for hinge in hinges:
-        x, y = np.round(1000.0 * plane @ hinge.position, 9)
+        x, y = np.round(1000.0 * plane @ hinge.position, 12)
         length = float(np.linalg.norm(hinge.axis)) or 1.0
         direction = complex(*np.round(plane @ hinge.axis / length, 15))
         # A slider is across the normal, a pin along it.

@@ -74,6 +74,7 @@ def test_a_walker_is_written_with_all_its_legs(tmp_path: Path) -> None:
         ('andrews --dxf a.dxf --hole 6 --width 9', 'larger --scale'),
         ('bare.yaml --mjcf a.xml', 'bar_density'),
         ('bad.yaml --urdf a.urdf', 'holds no robot'),
+        ('apart.yaml --loops-urdf a', 'cannot be reached: dyad 1 does not close'),
         ('. --urdf a.urdf', 'cannot be read'),
     ],
 )
@@ -85,15 +86,20 @@ def test_a_refused_robot_is_exit_code_2_in_one_line(
     capsys: pytest.CaptureFixture,
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    names = ['apart.yaml', 'bad.yaml', 'bare.yaml']
     Path('bad.yaml').write_text('l_ab: \x1b[31m\n')
     Path('bare.yaml').write_text('l_ab: 0.12\n')
+    # No position of their joint closes both legs.
+    legs = 'legs: [a, b]\nlinkage: peaucellier\n'
+    legs += 'a: {crank_joint: c}\nb: {crank_joint: c, phase: 3.14, mount_xyz: [0, 1, 0]}\n'
+    Path('apart.yaml').write_text(legs)
     assert main(arguments.split()) == 2
     error = capsys.readouterr().err
     assert reason in error
     assert error.startswith('export: ')
     assert error.count('\n') == 1
     assert '\x1b' not in error
-    assert sorted(path.name for path in tmp_path.iterdir()) == ['bad.yaml', 'bare.yaml']
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
 
 
 @pytest.mark.parametrize(

@@ -244,6 +244,7 @@ def test_each_bed_is_a_file_and_a_larger_part_is_told(
         ('--stl klann_2.3mf', '--stl and --3mf 2 are the same file'),
         ('--stl klann.3mf', '--3mf and --stl are the same file'),
         ('--stl a --ros2-control a', 'are the same file'),
+        ('--stl a --loops-urdf a', 'are the same file'),
         ('--stl no/parts', 'there is no folder no'),
         ('--hole 0.0032', 'holes of 0.0032 mm'),
         ('--thickness 0.003', 'a thickness of 0.003 mm'),

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 from klann_ros.export import urdf
 from klann_ros.export.travel import crank_angles
+from klann_ros.export.urdf import loops_urdf
 from klann_ros.kinematics import LinkageLeg
 from klann_ros.robot import robot_of, RobotLeg
+from klann_ros.sanitize.yaml_text import load
 from klann_ros.twin import robot_mjcf
 import mujoco
 import numpy as np
@@ -120,6 +122,26 @@ def joint_facts(joint: 'yourdfpy.Joint') -> tuple:
     mimic = joint.mimic and (joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
     axis = None if joint.type == 'fixed' else tuple(map(float, joint.axis))
     return joint.name, joint.type, joint.parent, joint.child, axis, mimic
+
+
+def test_a_walkers_legs_mimic_their_crank_and_close_where_they_are_mounted() -> None:
+    robot = robot_of(str(ROOT / 'config' / 'walker6.yaml'))
+    files = loops_urdf(robot, '_')
+    model = loaded(files['robot.urdf'].decode())
+    loops = load(files['loop_closures.yaml'].decode())
+    assert loops['independent'] == ['front_left_A']
+    assert len(loops['dependent']) == 6 * 4
+    closures = {closure['name']: closure['point'] for closure in loops['closures']}
+    model.update_cfg({'front_left_A': 0.5})
+    for leg in robot.legs:
+        points = leg.linkage.structure.points
+        zero, moved = map(LinkageLeg(leg.linkage).closed_form, leg.crank_angles([0.0, 0.5]))
+        for point in 'CG':
+            place = zero.points[points.index(point)]
+            close(closures[f'{leg.name}_{point}'], leg.mount.transform(place))
+        pin = model.joint_map[f'{leg.name}_B'].child
+        place = moved.points[points.index('B')]
+        close(model.get_transform(pin)[:3, 3], leg.mount.transform(place))
 
 
 def test_frames_can_be_renamed_and_joints_keep_their_names() -> None:
