@@ -17,10 +17,11 @@ a bar or a pivot, forward or backward. For the Klann leg f is SEM 104's f1 + i f
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import combinations
+from itertools import chain, combinations
 from typing import NamedTuple
 
 from klann_ros.kinematics.errors import GeometryError
+from klann_ros.sanitize.text import counted
 
 # All subsets of the bodies are tried.
 MAX_BODIES = 25
@@ -66,6 +67,7 @@ def assembly_order(graph: Graph) -> list[Group]:
 def _next_group(graph: Graph, placed: Group, waiting: Group) -> Group:
     """Return the fewest bodies that close a loop for every two of them."""
     loop_count = _count_loops(graph, placed)
+    touched = {-1, *placed, *chain(graph.pivots, *(graph.bodies[j] for j in placed))}
     for size in range(1, len(waiting) + 1):
         for group in combinations(waiting, size):
             bodies = {*placed, *group}
@@ -73,12 +75,14 @@ def _next_group(graph: Graph, placed: Group, waiting: Group) -> Group:
             if any(graph.along[j] not in {None, -1, *bodies} for j in bodies):
                 continue
             equations = 2 * (_count_loops(graph, placed + group) - loop_count)
-            if equations > size:
+            neighbours = chain(*((graph.along[j], *graph.bodies[j]) for j in group))
+            # Bodies that touch nothing placed have only the angles to each other.
+            unknowns = size - (equations == size and touched.isdisjoint(neighbours))
+            if equations > unknowns:
                 names = ', '.join(graph.names[j] for j in group)
-                raise GeometryError(
-                    f'{names}: cannot move, since {equations} loop equations stand against '
-                    f'{size} unknown angle{"s" if size > 1 else ""}'
-                )
+                angles = counted(unknowns, 'unknown angle')
+                reason = f'since {equations} loop equations stand against {angles}'
+                raise GeometryError(f'{names}: cannot move, {reason}')
             if equations == size:
                 return group
     total = _count_loops(graph, placed + waiting)
