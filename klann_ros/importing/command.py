@@ -8,7 +8,7 @@ import sys
 from klann_ros.cli import ArgumentParser, NOT_READ, Output
 from klann_ros.kinematics import linkage_from_text, LinkageFileError
 from klann_ros.sanitize.files import is_regular_file, read_regular
-from klann_ros.sanitize.text import printable, printable_line
+from klann_ros.sanitize.text import listed, printable, printable_line
 from klann_ros.sanitize.yaml_text import dump, MAX_FILE_SIZE
 
 from .forms import FORMS, INCH, read_joints
@@ -51,6 +51,7 @@ def _import(options: argparse.Namespace) -> int:
         content = linkage_content(joints, options.crank, options.foot)
         title = Path(name).stem[:150] if Path(name).suffix else 'Imported linkage'
         header = {'name': title, 'source': f'imported from {name}', 'units': {'length': 'mm'}}
+        content |= {'assembly': options.assembly} if options.assembly else {}
         yaml = f'{dump({**header, **content}, flow_style=None)}\n'
         linkage_from_text(yaml, name)
     except (MechanismError, LinkageFileError, OverflowError) as error:
@@ -61,8 +62,11 @@ def _import(options: argparse.Namespace) -> int:
     else:
         output.write(yaml.encode())
         print(f'written: {printable(options.output)}')
+    places = [complex(*place) for place in content['points'].values()]
+    idle = listed(joint.name for joint in joints if joint.position not in places)
+    idle = f'; left out, as on no link of two joints: {idle}' if idle else ''
     chosen = f'crank {content["crank"]}, foot {content["foot"]}'
-    print(f'import_linkage: {chosen}; others by --crank and --foot', file=sys.stderr)
+    print(f'import_linkage: {chosen}; others by --crank and --foot{idle}', file=sys.stderr)
     return 0
 
 
@@ -89,5 +93,6 @@ def _parser() -> ArgumentParser:
     add('--form', choices=FORMS, default='', help='of SOURCE; recognised by default')
     add('--crank', metavar='LINK', default='', help='the driven link')
     add('--foot', metavar='JOINT', default='', help='the published point')
+    add('--assembly', metavar='SIGN', type=int, nargs='+', help='at a dead point: 1 or -1 a dyad')
     add('--unit', choices=UNITS, default='mm', help='of a SOURCE that has none; mm by default')
     return parser

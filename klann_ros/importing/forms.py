@@ -108,8 +108,9 @@ def _base_64(digits: str) -> float:
 
 def _read_linkage2(text: str) -> Iterable[Joint]:
     """Read a file of Rector's Linkage (linkageDoc.cpp, ReadIn), its lengths in 1/96 in."""
-    # Linkage writes & in names as it is.
-    root = xml_root(re.sub(r'&(?!#?\w+;)', '&amp;', text), 'linkage2')
+    # Linkage writes & in names as it is, and reads attributes without a space between them.
+    text = re.sub(r'(="[^"<]*")(?=\w)', r'\1 ', re.sub(r'&(?!#?\w+;)', '&amp;', text))
+    root = xml_root(text, 'linkage2')
     elements = [element for element in root if element.get('layer') != _DRAWING_LAYER]
     for element in elements:
         for attribute in _LINKAGE2_REFUSED:
@@ -147,9 +148,9 @@ def _read_csv(text: str) -> Iterator[Joint]:
     header = [cell.strip().lower() for cell in next(csv.reader(lines, delimiter=delimiter))]
     has_header = {'name', 'x', 'y', 'links'}.issubset(header)
     columns = header if has_header else ('name', 'x', 'y', 'links')
-    rows = csv.DictReader(lines[has_header:], columns, 'more', '', delimiter=delimiter)
+    rows = csv.DictReader(lines[has_header:], columns, restval='', delimiter=delimiter)
     for row in islice(rows, MAX_JOINTS + 1):
-        row['links'] = ' '.join([row['links'], *row.pop('more', [])])
+        row['links'] = ' '.join([row['links'], *row.pop(None, [])])
         for column in {'x', 'y', 'angle'}.intersection(row) if delimiter != ',' else ():
             row[column] = row[column].replace(',', '.')
         yield _joint(row)
@@ -181,7 +182,7 @@ FORMS: dict[str, tuple[Callable[..., Iterable[Joint]], str, str]] = {
         *(_read_pyslvs, r'(?!<).*\bM ?\['),
         'M[J[R, P[x, y], L[ground, L1]], ...] of Pyslvs, or YAML with it',
     ),
-    'pmks+': (_read_pmks_plus, r'(?!<)(.*\?)?([\w,-]*\.){4}[^\s?]*$', 'whole URL of PMKS+'),
+    'pmks+': (_read_pmks_plus, r'(?!<)(.*\?)?([\w,%-]*\.){4}[^\s?]*$', 'whole URL of PMKS+'),
     'linkage2': (_read_linkage2, '(?!.*<robot)<', '.linkage2 file of Linkage by D. Rector'),
     'urdf': (read_urdf, '<', f'planar URDF with {SIDECAR} (scikit-robot, robonex)'),
     'csv': (_read_csv, '', 'table: name, x, y, links (type, angle, driven, traced by a header)'),

@@ -64,14 +64,16 @@ def linkage_content(joints: Sequence[Joint], crank: str = '', foot: str = '') ->
         for link in joint.pinned:
             points.setdefault(link, {})[joint.name] = joint.position
     slides = _slides(joints, crank, points)
+    # Another link with one point is a point.
+    needed = {GROUND, crank, *slides, *(slide['along'] for slide in slides.values())}
+    points = {link: points[link] for link in points if link in needed or len(points[link]) > 1}
     bodies: dict[str, Any] = {}
-    places = {**points[GROUND]}
+    places = {name: place for members in points.values() for name, place in members.items()}
     for link, members in points.items():
         if link in slides:
             bodies[link] = {'slides': slides[link], 'points': [*members]}
-        elif link != GROUND and len(members) > 1:  # else it is a point
+        elif link != GROUND:
             bodies[link] = [*members]
-        places |= members if link in bodies else {}
     order = dict.fromkeys([*(joint.name for joint in joints), *places])
     coordinates = {
         name: [places[name].real, places[name].imag] for name in order if name in places
@@ -129,6 +131,7 @@ def _pivot_and_crank(joints: Sequence[Joint], crank: str) -> tuple[Joint, str]:
     crank = crank or next(iter(driven or pivots), '')
     if crank not in pivots or (driven == [crank] and pivots[crank] is not motors[0]):
         hint = f'there are {listed(pivots)}{did_you_mean(crank, pivots)}'
+        hint = f'its motor is at {motors[0].name}' if crank in pivots else hint
         raise MechanismError(f'no link {listed([crank])} is turned about the ground: {hint}')
     return pivots[crank], crank
 

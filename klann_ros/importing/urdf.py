@@ -155,7 +155,7 @@ def _loop_hinges(closures: Mapping[str, Any], frames: Frames, max_gap: float) ->
         (pose, body), (child_pose, child_body) = (frames[link] for link in ends)
         # A `point`, and its axis, are in the root's frame.
         pose = np.eye(4) if 'point' in loop else pose
-        position = pose @ [*_numbers(loop.get('point') or loop['parent_xyz']), 1.0]
+        position = pose @ [*_numbers(loop['point' if 'point' in loop else 'parent_xyz']), 1.0]
         axis = _numbers(loop.get('axis', (0.0, 0.0, 0.0)))
         axis = pose[:3, :3] @ axis * (np.linalg.norm(axis) > _MIN_AXIS)
         if 'point' not in loop:

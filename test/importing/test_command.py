@@ -72,7 +72,7 @@ def test_a_text_and_the_standard_input_are_read(
 
 def test_a_table_of_a_spreadsheet_is_read(capsys: pytest.CaptureFixture[str]) -> None:
     rows = [row.split(',', 3) for row in FOUR_BAR.replace('10,', '10.5,').splitlines()]
-    table = '\ufeff"Name";X; Y ;Links;Remark\r\n'
+    table = '\ufeff"Name";X; Y ;Links;More\r\n'
     for name, x, y, links in rows:
         table += f'{name};{x.replace(".", ",")};{y};"{links.replace(" ", ", ")}";-\r\n'
     assert main([table]) == 0
@@ -131,27 +131,49 @@ def test_a_url_of_pmks_plus_becomes_a_linkage_that_turns(tmp_path: Path) -> None
     for name, text in PMKS_PLUS.items():
         # A part of a welded link, which counts for nothing.
         welded = text.replace('..YRAB', '..NRXY,XY,Fe,Fe,0,0,c5cae9,A,C,,.YRAB')
-        assert main([f'https://app.pmksplus.com/?{welded}', '-o', str(output)]) == 0
-        leg = LinkageLeg(linkage_from_file(output))
-        assert leg.linkage.structure.crank.angle == 'AB'
-        assert len(leg.reachable_arcs()) == 1
-        points = read_table(output)['points']
-        assert points['A'] == pytest.approx(PMKS_PLUS_A[name])
+        for query in (welded, welded.replace(',', '%2C')):
+            assert main([f'https://app.pmksplus.com/?{query}', '-o', str(output)]) == 0
+            leg = LinkageLeg(linkage_from_file(output))
+            assert leg.linkage.structure.crank.angle == 'AB'
+            assert len(leg.reachable_arcs()) == 1
+            points = read_table(output)['points']
+            assert points['A'] == pytest.approx(PMKS_PLUS_A[name])
 
 
-def test_links_of_one_identifier_stay_apart(capsys: pytest.CaptureFixture[str]) -> None:
+def test_links_of_one_identifier_and_attributes_without_a_space_stay_apart(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     text = '<linkage2><program/>'
     for number, place in enumerate(
         ('0" y="0" anchor="true', '10" y="30', '70" y="60', '90" y="0')
     ):
         anchor = ' anchor="true"' if number == 3 else ''
-        text += f'<connector id="{number}" x="{place}"{anchor}/>'
+        text += f'<connector id="{number}"x="{place}"{anchor}/>'
     for number in range(3):
         ends = f'<connector id="{number}"/><connector id="{number + 1}"/>'
         text += f'<Link id="0" name="a & b">{ends}</Link>'
     assert main([f'{text}<Link id="9" layer="1" gear="true"/></linkage2>']) == 0
     links = 'links:\n  link0: [P0, P1]\n  link1: [P1, P2]\n  link2: [P2, P3]\n'
     assert links in capsys.readouterr().out
+
+
+def test_a_joint_that_nothing_moves_is_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([FOUR_BAR.replace('30,70,coupler', '30,70,cupler')]) == 0
+    out, err = capsys.readouterr()
+    assert 'foot: C\n' in out
+    assert 'left out, as on no link of two joints: E' in err
+
+
+@pytest.mark.parametrize(('sign', 'bar'), [('1', 1 + 0j), ('-1', (21 - 20j) / 29)])
+def test_an_assembly_says_how_a_pose_in_line_goes_on(
+    sign: str, bar: complex, tmp_path: Path
+) -> None:
+    text = 'A,0,0,ground crank\nB,40,0,crank bar\nC,140,0,bar rocker\nD,100,0,rocker ground\n'
+    output = tmp_path / 'bar.yaml'
+    assert main([f'{text}P,40,-80,bar', '-o', str(output), '--assembly', sign]) == 0
+    # The bar of a parallelogram keeps its direction; the other one's is by Pythagoras.
+    foot = complex(*LinkageLeg(linkage_from_file(output)).solve(0.5 * pi).h)
+    assert foot == pytest.approx(0.04j - 0.08j * bar)
 
 
 def test_a_yoke_slides_on_the_ground_and_a_block_on_the_yoke(tmp_path: Path) -> None:

@@ -216,6 +216,10 @@ REFUSED = {
         KNEE_LOOPS,
     ),
     'is not three numbers up to 1e+06': (KNEE, KNEE_LOOPS.replace('0.0145', '.nan')),
+    'None is not three numbers': (
+        FOUR_BAR,
+        FOUR_BAR_LOOPS.replace('[0.2, 0.1, 0.0]', 'null, parent_xyz: [0.2, 0.1, 0.0]'),
+    ),
     "['0', 'x', '1'] is not three": (KNEE.replace('xyz="0 -1 0"', 'xyz="0 x 1"'), KNEE_LOOPS),
     'it is xacro': (f'<a xmlns="http://www.ros.org/wiki/xacro"/>{KNEE}', KNEE_LOOPS),
     'the link shin has two parents': (
