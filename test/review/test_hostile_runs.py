@@ -10,10 +10,16 @@ import tempfile
 import warnings
 
 from crank_runs import write_mcap
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 from klann_ros.kinematics import KlannGeometry
 from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import LOSS_RECORD, PAUSE_RECORD, SOLVER_RECORD
+from klann_ros.log.run_parameters import (
+    LOSS_RECORD,
+    PAUSE_RECORD,
+    SOLVER_RECORD,
+    solver_record,
+    SolverParameters,
+)
 from klann_ros.review.command import main
 from leg_runs import foot_at, joint_state, make, POINT, START, STATE, STORE, topic_of
 
@@ -104,7 +110,16 @@ def messages(draw):
     return Message(topic, data, draw(times), draw(times), sequence)
 
 
+SEVEN_RADIANS = Message(
+    TOPICS[1],
+    bytes(STORE.serialize_cdr(joint_state(START, JOINTS, [7.0, 0.0, 0.0, 0.0, 0.0]), STATE)),
+    *(START, START, 0),
+)
+SOLVER = SolverParameters('/solver_node', START, KlannGeometry().as_dict())
+
+
 @settings(max_examples=15)
+@example([SEVEN_RADIANS], [(SOLVER_RECORD, solver_record(SOLVER))])
 @given(st.lists(messages(), max_size=25), records)
 def test_a_review_ends_with_a_report(contents, metadata) -> None:
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
-from klann_ros.kinematics import linkage_poses, Reason
+from klann_ros.kinematics import Reason
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from klann_ros.sanitize.text import counted
 import numpy as np
 
+from .poses import poses_at
 from .recording import LegRecording, RunRecording
 from .times import (
     alone,
@@ -186,7 +187,7 @@ def _causes(leg: LegRecording, rows: IndexArray) -> IndexArray:
         # The leg angle is unknown, but a crank angle out of range is invalid for any leg.
         is_angle = np.abs(alphas) <= MAX_CRANK_ANGLE
         return np.where(is_angle, Cause.UNKNOWN, Cause.NO_ANGLE).astype(np.intp)
-    reasons = linkage_poses(solved_leg, alphas).reason
+    reasons = poses_at(solved_leg, alphas).reason
     conditions = [reasons == Reason.CRANK_ANGLE, reasons != Reason.SOLVED]
     return np.select(conditions, [Cause.NO_ANGLE, Cause.OUT_OF_REACH], Cause.UNKNOWN)
 

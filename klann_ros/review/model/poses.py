@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, nan
 from typing import Any, NamedTuple
+import warnings
 
 from klann_ros.kinematics import (
     AnyLeg,
@@ -16,6 +17,7 @@ from klann_ros.kinematics import (
     Linkage,
     linkage_poses,
     LinkageLeg,
+    LinkagePoses,
     loop_errors,
     Stance,
     transmission_angles,
@@ -23,6 +25,7 @@ from klann_ros.kinematics import (
 )
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE, TURN
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
+from klann_ros.sanitize.units import UnitWarning
 import numpy as np
 
 from .recording import LegRecording
@@ -93,11 +96,18 @@ def path_angles(recording: LegRecording, leg: AnyLeg) -> FloatArray:
         first = rows[:_FIRST_POSES]
         misfits = []
         for turn in range(period):
-            solved: Any = linkage_poses(leg, betas[first] + turn * TURN, angles=True)
+            solved: Any = poses_at(leg, betas[first] + turn * TURN)
             errors = differences(leg, recording.poses.values[first, 1:], solved.angles)
             misfits.append(np.median(np.abs(np.nan_to_num(errors))))
         betas[rows] += TURN * np.argmin(misfits)
     return np.where(is_angle, betas, alphas)
+
+
+def poses_at(leg: AnyLeg, alphas: FloatArray) -> LinkagePoses:
+    """Return the poses at recorded angles, of which a finding tells degrees, not a warning."""
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', UnitWarning)
+        return linkage_poses(leg, alphas, angles=True)
 
 
 def solve_blocks(recording: LegRecording, leg: AnyLeg) -> Iterator[SolvedBlock]:
@@ -108,7 +118,7 @@ def solve_blocks(recording: LegRecording, leg: AnyLeg) -> Iterator[SolvedBlock]:
     for begin in range(0, len(poses), _BLOCK_SIZE):
         end = min(begin + _BLOCK_SIZE, len(poses))
         recorded = poses[slice(begin, end)]
-        solved = linkage_poses(leg, betas[slice(begin, end)], angles=True)
+        solved = poses_at(leg, betas[slice(begin, end)])
         angles: FloatArray = solved.angles  # type: ignore[assignment]  # asked for
         paired = slice(*np.searchsorted(of_poses, [begin, end]))
         yield SolvedBlock(
