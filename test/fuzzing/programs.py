@@ -39,6 +39,7 @@ PROGRAMS = [
     Program('robot', export, EXPORTS),
     Program('linkage', export, EXPORTS),
     Program('robot', export, ['--bar-density=1', '--ros2-control=control']),
+    Program('linkage', export, ['--loops-urdf=loops']),
     Program('track', calibrate, CALIBRATE),
     Program('prior', calibrate, ['track.csv', *CALIBRATE, '--prior']),
     Program('answers', exercise, ['mark', '--csv=marks.csv']),
