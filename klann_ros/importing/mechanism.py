@@ -158,7 +158,6 @@ def _slides(joints: Sequence[Joint], crank: str, points: Points) -> dict[str, di
         if joint.kind == PIN_IN_SLOT:
             # A block, which has no other point.
             slider = f'block__{joint.name}'
-            points[slider] = {joint.name: joint.position}
         elif slider in guided:
             carrier, slider = slider, carrier
         if slider in guided or (further and joint.kind == SLIDER):

@@ -74,8 +74,10 @@ def test_numbers_are_in_the_units_of_the_wish() -> None:
             'units': {'length': 'mm', 'angle': 'deg'},
             'vary': {'A-B': [100, 140], 'bend of C-G': [-5, 5]},
             'figures': {'lift': {'at_least': 60}, 'transmission_angle': {'near': 40}},
+            'speed': 90,
         }
     )
+    assert requirements.speed == pytest.approx(0.5 * pi)
     (space,) = requirements.spaces
     (limit,) = requirements.limits
     (aim,) = requirements.aims

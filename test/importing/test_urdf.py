@@ -112,9 +112,11 @@ def test_a_linkage_of_a_urdf_moves_as_its_joints_do(  # noqa: PLR0917 - columns 
             assert abs(1e3 * complex(*places[name]) - position) <= 1e-9 * mechanism.size
 
 
-def test_the_crank_is_the_driven_joint_and_the_foot_a_frame(tmp_path: Path) -> None:
+@pytest.mark.parametrize('axis', ['0 -1 0', '0 2 0'])
+def test_the_crank_is_the_driven_joint_and_the_foot_a_frame(axis: str, tmp_path: Path) -> None:
     output = tmp_path / 'linkage.yaml'
-    assert main([written(tmp_path, KNEE, KNEE_LOOPS), '-o', str(output)]) == 0
+    joints = KNEE.replace('0 -1 0', axis, 1)
+    assert main([written(tmp_path, joints, KNEE_LOOPS), '-o', str(output)]) == 0
     table = read_table(output)
     assert table['crank'] == 'crank'
     assert table['foot'] == 'foot'

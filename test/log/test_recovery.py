@@ -22,6 +22,7 @@ from crank_runs import (
 )
 from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import default_output, main
+from mcap_bytes import records as mcap
 import pytest
 from rosbag2_bags import digest
 from rosbags.highlevel import AnyReader
@@ -132,7 +133,8 @@ def test_cut_anywhere_all_intact_chunks_are_read_and_come_back(run_file, tmp_pat
     data = run_file.read_bytes()
     chunks, (bag, _) = spans_of(data, CHUNK), spans_of(data, METADATA)[-1]
     ((_, attached),), cut = spans_of(data, ATTACHMENT), tmp_path / 'cut.mcap'
-    for length in range(0, len(data), 331):
+    in_index = spans_of(data, mcap.MESSAGE_INDEX)[0][0] + 10
+    for length in (*range(0, len(data), 331), in_index):
         cut.write_bytes(data[:length])
         output = tmp_path / f'again{length}'
         code = main([str(cut), '-o', str(output)])

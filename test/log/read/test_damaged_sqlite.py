@@ -6,6 +6,7 @@ import sqlite3
 
 from db3_files import add, begin, make_db3, number
 from klann_ros.log.errors import NotALogError
+from klann_ros.log.read import sqlite_database
 from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import main as recover
 from klann_ros.review.command import main as review
@@ -131,6 +132,12 @@ def test_a_database_that_resembles_a_bag_is_reported_and_not_queried(kind, tmp_p
     with pytest.raises(NotALogError, match='it is SQLite, but no bag') as caught:
         open_log(tmp_path / 'x.db3')
     assert '\n' not in str(caught.value)
+
+
+def test_the_texts_of_a_table_are_bounded(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(sqlite_database, '_MAX_TABLE_SIZE', 100)
+    with open_log(make_db3(tmp_path / 'x.db3')) as log:
+        assert 'x.db3: there are more than 100 bytes of topics' in log.problems
 
 
 def test_rows_that_hold_no_message_are_counted(tmp_path, capsys) -> None:
