@@ -33,7 +33,7 @@ ROLES = {
 MESSAGE_FIELDS = {'point', 'pose', 'position', 'transform', 'translation', 'data'}
 # Units in a header; pixels have any scale.
 UNITS = (
-    *('deg', '°', 'mm', 'cm', 'in', 'min', 'ms', 'us', 'µs', 'ns'),
+    *('deg', 'mm', 'cm', 'in', 'min', 'ms', 'us', 'µs', 'ns'),
     *('m', 's', 'sec', 'seconds', 'rad', 'px', 'pixels'),
 )
 _UNIT = re.compile(r'^(.+?)(?:\s*[\[(]\s*(.+?)\s*[\])]|[ _](deg|min|ms|mm|cm|rad|px|s|m))$')
@@ -290,7 +290,7 @@ def _role(name: str, leg: RobotLeg) -> tuple[str, str]:
     match = _UNIT.match(name)
     base = match[1] if match else name
     unit = (match[2] or match[3]).lower() if match else ''
-    unit = 'deg' if unit.startswith('deg') else unit
+    unit = 'deg' if unit.startswith(('deg', '°')) else unit
     if base == leg.linkage.joint_names[0]:
         return 'crank', unit
     for role, words in ROLES.items():
