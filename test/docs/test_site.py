@@ -114,7 +114,7 @@ def visit(browser: Any, address: str) -> Iterator[Visit]:
 @pytest.mark.parametrize(
     ('name', 'scheme', 'width'),
     [
-        ('theory', 'light', 1280),
+        pytest.param('theory', 'light', 1280, marks=pytest.mark.slow),
         pytest.param('teoria', 'dark', 390, marks=pytest.mark.slow),
         pytest.param('examples', 'dark', 1280, marks=pytest.mark.slow),
         pytest.param('exemplos', 'light', 390, marks=pytest.mark.slow),

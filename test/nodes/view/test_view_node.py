@@ -368,7 +368,10 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
     assert moving.errors == []
 
 
-@pytest.mark.parametrize(('scheme', 'width'), [('light', 1280), ('dark', 390)])
+@pytest.mark.parametrize(
+    ('scheme', 'width'),
+    [pytest.param('light', 1280, marks=pytest.mark.slow), ('dark', 390)],
+)
 def test_axe_finds_no_barrier(moving: Live, scheme: str, width: int) -> None:
     axe = pytest.importorskip('axe_playwright_python.sync_playwright')
     moving.ros.probe.listen(TwistStamped, 'cmd_vel')

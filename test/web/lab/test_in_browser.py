@@ -361,6 +361,7 @@ def test_an_entry_holds_as_long_as_it_is_legal(lab: Opened) -> None:
     assert page.evaluate('pathPanel.points') == [[0, 0], [0.05, 0], [0.05, 0.0254]]
 
 
+@pytest.mark.slow
 def test_the_fields_have_the_numbers_of_describe(tour: Tour) -> None:
     for name, shown in tour.linkages.items():
         (leg,) = robot_of(name).legs

@@ -151,7 +151,7 @@ def visit(new_page: Callable[..., Any]) -> Callable[..., Practice]:
     return lambda fragment, **options: Practice(new_page(**options), fragment)
 
 
-@pytest.mark.parametrize('language', ['en', 'pt'])
+@pytest.mark.parametrize('language', [pytest.param('en', marks=pytest.mark.slow), 'pt'])
 def test_every_exercise_is_shown_on_a_telephone(visit: Any, language: str) -> None:
     options = {'viewport': {'width': 360, 'height': 640}, 'has_touch': True, 'is_mobile': True}
     opened = visit(f'#practice=newton&seed=1&lang={language}', **options)
