@@ -188,7 +188,7 @@ def _planar_joints(hinges: Sequence[_Hinge], driven: Container[str]) -> Iterator
         if abs(along if hinge.kind == SLIDER else direction) > _MAX_SINE:
             names = listed([pins[0].name, hinge.name])
             raise MechanismError(f'{names} move in different planes: only planar robots are read')
-        is_driven = hinge.name in driven
+        is_driven = len(hinge.bodies) > 1 and hinge.name in driven
         yield Joint(hinge.name, complex(x, y), hinge.bodies, hinge.kind, direction, is_driven)
 
 
