@@ -94,20 +94,42 @@ class Dyad(NamedTuple):
         return column_a, jacobian_column(self.structure, self.terms, u, b)
 
 
-class TwoCircles:
-    """Two bodies that turn: a joint at the distance r_a from one end and r_b from the other."""
+class _DyadSolver:
+    """The common part of all dyads."""
 
     # Whether it has two assembly modes.
     two_branches = True
+    # The product of the lengths of its links [m^2], or the length of its link [m].
+    scale: Any
 
     def __init__(self, dyad: Dyad) -> None:
         self.dyad = dyad
-        self.radii = abs(dyad.terms[dyad.bodies[0]]), abs(dyad.terms[dyad.bodies[1]])
 
-    @property
-    def scale(self) -> float:
-        """Return the product of the lengths [m^2]."""
-        return self.radii[0] * self.radii[1]
+    def span(self, _: Vectors, closure: Any) -> Any:
+        """Return m, whose length decides whether it closes: see `change_points`."""
+        return closure
+
+    def is_too_far(self, closure: Any) -> Any:
+        """Return whether it is too far, rather than too near, for it to close."""
+        return np.zeros(np.shape(closure), dtype=bool)
+
+    def column_lengths(self, _: Any) -> Any:
+        """Return the product of its columns' lengths, in the unit of `scale`."""
+        return self.scale
+
+    def transmission_angle(self, u: Vectors, *_: Any, **__: Any) -> Any:
+        """Return the angle between the motions of the joint that its bodies allow [rad]."""
+        p, q = self.dyad.jacobian_columns(u)
+        return np.abs(np.angle(q * np.conj(p)))
+
+
+class TwoCircles(_DyadSolver):
+    """Two bodies that turn: a joint at the distance r_a from one end and r_b from the other."""
+
+    def __init__(self, dyad: Dyad) -> None:
+        super().__init__(dyad)
+        self.radii = abs(dyad.terms[dyad.bodies[0]]), abs(dyad.terms[dyad.bodies[1]])
+        self.scale = self.radii[0] * self.radii[1]
 
     @property
     def min_length(self) -> Any:
@@ -142,10 +164,6 @@ class TwoCircles:
         d = abs(closure)
         return np.minimum(r_a + r_b - d, d - abs(r_a - r_b))
 
-    def span(self, _: Vectors, closure: Any) -> Any:
-        """Return m, whose length decides whether it closes: see `change_points`."""
-        return closure
-
     def discriminant(self, span: Any) -> Any:
         """Return p by m, whose root places the joint [m^4]."""
         r_a, r_b = self.radii
@@ -156,10 +174,6 @@ class TwoCircles:
         """Return whether it is too far, rather than too near, for it to close."""
         return abs(closure) > sum(self.radii)
 
-    def column_lengths(self, _: Any) -> float:
-        """Return the product of its columns' lengths [m^2]."""
-        return self.scale
-
     def transmission_angle(self, u: Vectors, *, outside: bool) -> Any:
         """Return the angle between the links at their joint, or outside of it [rad]."""
         a, b = self.dyad.bodies
@@ -168,29 +182,7 @@ class TwoCircles:
         return deviation if outside else np.pi - deviation
 
 
-class _SlidingDyad:
-    """The common part of dyads with a sliding body."""
-
-    two_branches = True
-
-    def __init__(self, dyad: Dyad) -> None:
-        self.dyad = dyad
-
-    def span(self, _: Vectors, closure: Any) -> Any:
-        """Return m, whose length decides whether it closes: see `change_points`."""
-        return closure
-
-    def is_too_far(self, closure: Any) -> Any:
-        """Return whether it is too far, rather than too near, for it to close."""
-        return np.zeros(np.shape(closure), dtype=bool)
-
-    def transmission_angle(self, u: Vectors, **_: bool) -> Any:
-        """Return the angle between the motions of the joint that its bodies allow [rad]."""
-        p, q = self.dyad.jacobian_columns(u)
-        return np.abs(np.angle(q * np.conj(p)))
-
-
-class CircleAndLine(_SlidingDyad):
+class CircleAndLine(_DyadSolver):
     """
     A link that turns, and a body that slides along a known line: the slider-crank's.
 
@@ -230,12 +222,8 @@ class CircleAndLine(_SlidingDyad):
         """Return whether it is too far, rather than too near, for it to close."""
         return np.ones(np.shape(closure), dtype=bool)
 
-    def column_lengths(self, _: Any) -> float:
-        """Return the product of its columns' lengths [m]."""
-        return self.scale
 
-
-class LineOnLink(_SlidingDyad):
+class LineOnLink(_DyadSolver):
     """
     A body that slides along a link that turns: the inverted slider-crank's.
 
@@ -271,7 +259,7 @@ class LineOnLink(_SlidingDyad):
         return abs(closure)
 
 
-class TwoLines(_SlidingDyad):
+class TwoLines(_DyadSolver):
     """Two bodies that slide along known lines, which meet once: the Scotch yoke's."""
 
     two_branches = False
@@ -301,10 +289,6 @@ class TwoLines(_SlidingDyad):
     def discriminant(self, span: Any) -> Any:
         """Return p: two lines meet in one way."""
         return np.ones(np.shape(span))
-
-    def column_lengths(self, _: Any) -> float:
-        """Return the product of its columns' lengths."""
-        return 1.0
 
 
 DyadSolver = TwoCircles | CircleAndLine | LineOnLink | TwoLines
