@@ -9,6 +9,7 @@ from typing import Any
 
 from klann_ros.export import ExportError, scene_parts
 from klann_ros.kinematics import foot_path, linkage_poses, LinkageLeg
+from klann_ros.kinematics.arrays import plane
 from klann_ros.robot import robot_from_text
 from klann_ros.sanitize.text import counted, finite
 from klann_ros.web import element, FRAME, leg_shape, Markup, Parts, SHARED
@@ -66,7 +67,7 @@ def page(search_result: SearchResult, leg_names: Sequence[str]) -> str:
         'aimCount': len(requirements.aims),
         'speed': requirements.speed,
         'legs': legs,
-        'target': target and np.stack([target.points.real, target.points.imag], axis=1).tolist(),
+        'target': target and plane(target.points).tolist(),
     }
     parts = PAGE_PARTS if requirements.walker is None else WALKER_PARTS
     return parts.page(

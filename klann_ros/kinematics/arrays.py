@@ -17,6 +17,11 @@ IntArray: TypeAlias = NDArray[np.int64]
 Record = TypeVar('Record', bound=type)
 
 
+def plane(vectors: ComplexArray) -> FloatArray:
+    """Return complex numbers as vectors (x, y), shape (..., 2)."""
+    return np.stack([vectors.real, vectors.imag], axis=-1)
+
+
 class _ArrayRepr(Repr):
     """Text of fields: arrays by their type and shape."""
 

@@ -13,7 +13,6 @@ between the links of a dyad, and stands for it where loops are coupled.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from math import hypot
 from typing import Any
 
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
@@ -224,13 +223,6 @@ class Block:
     def openings(self, u: Vectors) -> list[Any]:
         """Return the closure error of each loop [m]."""
         return [vector_sum(terms, u, constant) for terms, constant in self.rows]
-
-    def closure_error(self, u: Vectors) -> float:
-        """Return the norm of its loops' closure errors [m]."""
-        coordinates = []
-        for opening in self.openings(u):
-            coordinates += [opening.real, opening.imag]
-        return hypot(*coordinates)
 
     def closing(self, u: Vectors) -> Closing:
         """Return its bodies, and what closes its loops again at many poses: see `Closing`."""

@@ -2,11 +2,11 @@
 
 from cmath import rect
 from collections.abc import Sequence
-from math import nan
+from math import hypot, nan
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import ComplexArray, FloatArray
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray, plane
 import numpy as np
 
 from . import joints
@@ -209,7 +209,7 @@ class LinkageMotion(NamedTuple):
     @property
     def points(self) -> FloatArray:
         """Return the derivative of every point, shape (p, 2) [m/s, m/s^2]; made at each use."""
-        return self.pose.linkage.point_velocities(self.vectors)
+        return plane(self.pose.linkage.point_equations[0] @ self.vectors)
 
 
 def _format(state: LinkagePose | LinkageMotion, linkage: Linkage) -> str:
@@ -232,7 +232,7 @@ def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> Linkage
     for block in linkage.blocks:
         sine = float(abs(block.sine(u)))
         sines.append(sine)
-        residual = float(np.hypot(residual, block.closure_error(u)))
+        residual = hypot(residual, *map(abs, block.openings(u)))
         is_singular |= not sine > block.singular_sine
     rates = (nan,) * len(x)
     if not is_singular:
