@@ -24,6 +24,6 @@ if TYPE_CHECKING:
         Symmetric,
         Triple,
     )
-    from .steering import Rates, Steering, Twist2D
+    from .steering import clip, Rates, Steering, Twist2D
 else:
     __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -176,14 +176,14 @@ class TurnPlan:
             return walking / time, boosted
         max_rate = self.seeking_rate * effective
         # Walking in phases in which a step is long, and back where it is short.
-        walks = _clip(walking * _interpolated(self._step, p, q), self.hold_share * max_rate)
+        walks = clip(walking * _interpolated(self._step, p, q), self.hold_share * max_rate)
         distance = min((wrap(best - p) for best in self._best_phases), key=abs)
-        walks += max_rate * _clip(distance / self.seeking_range, 1.0)
+        walks += max_rate * clip(distance / self.seeking_range, 1.0)
         crossed = walks * _interpolated(self._crossed, p, q) / turning
-        crossed_share = _clip(crossed, self.walking_yaw)
+        crossed_share = clip(crossed, self.walking_yaw)
         walks *= crossed_share / crossed if crossed else 1.0
         turns_on_spot = boosted * (1.0 - crossed_share)
-        return walks, _clip(turns_on_spot, max(self.hurry_rate, abs(turns)))
+        return walks, clip(turns_on_spot, max(self.hurry_rate, abs(turns)))
 
 
 def _facets(feet: FloatArray, centre: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -271,7 +271,8 @@ def _low_pass(samples: FloatArray, width: float) -> FloatArray:
     return np.asarray(np.fft.ifft2(np.fft.fft2(samples) * weights).real, dtype=np.float64)
 
 
-def _clip(number: float, bound: float) -> float:
+def clip(number: float, bound: float) -> float:
+    """Return a number within +- a bound."""
     return max(-bound, min(bound, number))
 
 

@@ -22,10 +22,9 @@ from collections.abc import Sequence
 from math import atan2, copysign, cos, pi, sin
 from typing import NamedTuple
 
-from klann_ros.gait import Twist2D
+from klann_ros.gait import clip, Twist2D
 from klann_ros.kinematics.angles import wrap
 
-from .limits import clip
 from .settings import ControllerSettings
 
 # Greatest product of the proportional gain of the phase lock and the delay of the feedback [rad].

@@ -6,15 +6,10 @@ from functools import cached_property
 from math import copysign, inf, sqrt
 from typing import NamedTuple
 
-from klann_ros.gait import Rates, Twist2D
+from klann_ros.gait import clip, Rates, Twist2D
 
 # With a smaller deceleration a walker would never stop [m/s^2, rad/s^2].
 MIN_DECELERATION = 1e-3
-
-
-def clip(number: float, bound: float) -> float:
-    """Return a number within +- a bound."""
-    return max(-bound, min(bound, number))
 
 
 class AxisLimits(NamedTuple):
