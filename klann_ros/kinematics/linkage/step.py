@@ -277,7 +277,7 @@ class StepSource:
             closed=self._closed(),
             refuse_singular=_fill(_RETURN_IF, condition=self._vanish) if self._dyads else [],
             corrections=self._corrections(),
-            small=self._small(),
+            small=self._within('e{}', 'tolerance', 'length_tolerance'),
             # Vectors of the foot alone, before the angles are wrapped.
             foot_vectors=vectors.lines(self._bodies, foot_alone),
             coefficients=self._coefficients(),
@@ -350,12 +350,12 @@ class StepSource:
         lines += solution
         return changes
 
-    def _small(self) -> str:
+    def _within(self, term: str, limit: str, limit_of_slider: str) -> str:
+        """Return the condition that a term of each body but the crank is within its limit."""
         conditions = []
         for j in self._others:
-            slides = self._structure.bodies[j].slides
-            limit = 'length_tolerance' if slides else 'tolerance'
-            conditions.append(f'-{limit} <= e{j} <= {limit}')
+            bound = limit_of_slider if self._structure.bodies[j].slides else limit
+            conditions.append(f'-{bound} <= {term.format(j)} <= {bound}')
         return ' and '.join(conditions)
 
     def _coefficients(self) -> list[str]:
@@ -382,12 +382,8 @@ class StepSource:
 
     def _refuse_jump(self) -> list[str]:
         """Refuse a jump from the guess: signs alone do not tell the branches of coupled loops."""
-        conditions = []
-        for j in self._others:
-            size = ' * size' if self._structure.bodies[j].slides else ''
-            limit = f'MAX_BRANCH_JUMP{size}'
-            conditions.append(f'-{limit} <= p{j} - o{j} <= {limit}')
-        return _fill(_RETURN_IF, condition=f'not ({" and ".join(conditions)})')
+        is_near = self._within('p{0} - o{0}', 'MAX_BRANCH_JUMP', 'MAX_BRANCH_JUMP * size')
+        return _fill(_RETURN_IF, condition=f'not ({is_near})')
 
     def _wrap(self) -> list[str]:
         """Return the lines that bring angles into (-pi, pi]."""
