@@ -58,14 +58,11 @@ class Chart:
         return element(
             'figure',
             element('h3', f'{self.title} / {self.unit}'),
-            self._legend(),
+            element('p', *self._keys(), class_='legend'),
             self._drawing(),
             element('figcaption', self.text),
             class_='card chart',
         )
-
-    def _legend(self) -> Markup:
-        return element('p', *self._keys(), class_='legend')
 
     def _keys(self) -> Iterator[Markup]:
         for line in self.lines:

@@ -229,7 +229,10 @@ def search(
     is_interrupted = False
     run = partial(_in_order, jobs=jobs, engine=engine)
     # The populations of a resumed search are judged again.
-    islands = _all_scores(requirements, state)
+    islands = []
+    for n, x in enumerate(state.populations):
+        if x is not None and len(x):
+            islands.append(IslandScores(n, x, scores(requirements, requirements.space(n), x)))
     has_one_aim = requirements.target is None and len(requirements.cheap_aims) == 1
     max_compromises = MAX_COMPROMISES if has_one_aim else 0
     in_rounds = evaluations - min(max_compromises, evaluations // 10)
@@ -327,15 +330,6 @@ def _migrated(
         x = np.concatenate([residents.x, best.x])
         migrated.append(island._replace(x=x, scores=joined([residents.scores, best.scores])))
     return migrated
-
-
-def _all_scores(requirements: Requirements, state: State) -> list[IslandScores]:
-    """Return the scores of each island that has a population."""
-    islands = []
-    for n, x in enumerate(state.populations):
-        if x is not None and len(x):
-            islands.append(IslandScores(n, x, scores(requirements, requirements.space(n), x)))
-    return islands
 
 
 def _with_hypervolume(state: State, islands: Sequence[IslandScores]) -> State:

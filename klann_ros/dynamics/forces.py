@@ -225,7 +225,9 @@ class Dynamics:
         moving = body_motion(self.linkage, alphas)
         forces = list(self._loads(loads).items())
         for spring in self.masses.springs:
-            forces += _spring_forces(spring, moving)
+            force = _tension(spring, moving).force
+            ends = zip(spring.ends, (force, -force), strict=True)
+            forces += [(end, end_force) for end, end_force in ends if isinstance(end, str)]
         rates = _rates(moving.alphas.size, alpha_rate, alpha_acceleration)
         moments = self._moments(moving)
         return reactions(moving, self.masses.bodies, rates, self.gravity, forces, moments)
@@ -352,13 +354,6 @@ def _tension(spring: Spring, moving: BodyMotion) -> _Tension:
     with np.errstate(invalid='ignore', divide='ignore'):
         direction = np.where(vector == 0.0, 0.0, vector / np.abs(vector))
     return _Tension(elongation, spring.stiffness * elongation * direction, q_1 - p_1)
-
-
-def _spring_forces(spring: Spring, moving: BodyMotion) -> list[tuple[str, Any]]:
-    """Return the points at a spring's ends, with its force on them."""
-    force = _tension(spring, moving).force
-    forces = zip(spring.ends, (force, -force), strict=True)
-    return [(end, end_force) for end, end_force in forces if isinstance(end, str)]
 
 
 def _dot(a: Any, b: Any) -> Any:

@@ -4,13 +4,13 @@ from collections.abc import Iterable, Sequence
 import struct
 from typing import NamedTuple
 
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import listed, printable
 
 from .cdr import HEADER_SIZE, ORDERS
 from .known_types import FLOAT32, FLOAT64, INT32, JOINT_STATE, POINT, TWIST_STAMPED
 from .message_type import NumberPlaces, Template
 
-# Names in the refusal of a message without the joint, and their length [characters].
+# Names in the refusal of a message without the joint, and the joint's length [characters].
 _MAX_NAMES = 5
 _MAX_NAME_LENGTH = 40
 # The types that angles come in, by their names.
@@ -92,7 +92,8 @@ def _find_joints(data: bytes, joints: Sequence[str]) -> _JointPlaces:
     indices = sorted((names.index(j.encode()), j) for j in joints if j.encode() in names)
     if not indices:
         name = printable(joints[-1], _MAX_NAME_LENGTH)
-        raise ValueError(f'there is no joint {name} among its {len(names)} ({_listed(names)})')
+        listing = listed([joint.decode(errors='replace') for joint in names], _MAX_NAMES)
+        raise ValueError(f'there is no joint {name} among its {len(names)} ({listing})')
     paths = ['header.stamp.sec', 'header.stamp.nanosec']
     complete = [path for path, count in counts.items() if count == len(names)]
     for path in complete:
@@ -100,12 +101,6 @@ def _find_joints(data: bytes, joints: Sequence[str]) -> _JointPlaces:
     present_joints = [joint for _, joint in indices]
     places = NumberPlaces(layout, paths)
     return _JointPlaces(places, present_joints, 'velocity' in complete, 'effort' in complete)
-
-
-def _listed(names: Sequence[bytes]) -> str:
-    first_names = [name.decode(errors='replace') for name in names[:_MAX_NAMES]]
-    text = ', '.join(printable(name, _MAX_NAME_LENGTH) for name in first_names)
-    return text if len(names) <= _MAX_NAMES else f'{text}, ...'
 
 
 class JointStateTemplate:

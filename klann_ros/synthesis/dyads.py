@@ -152,7 +152,9 @@ def dyads_of_rotation(poses: Sequence[PlanePose], rotation: float) -> list[Burme
     The compatibility equation D1 + D2 e^(i b2) + D3 e^(i b3) + D4 e^(i b4) = 0 is a triangle with
     at most two solutions: D3 e^(i b3) is to the left of D1 + D2 e^(i b2), then to its right.
     """
-    d_1, d_2, d_3, d_4 = _compatibility(*_relative(poses, 4))
+    rotors, shifts = _relative(poses, 4)
+    d_2, d_3, d_4 = np.cross(rotors - 1.0, shifts).tolist()
+    d_1 = -d_2 - d_3 - d_4
     x = cmath.rect(1.0, rotation)
     dyads = []
     for y in _triangle(d_1 + d_2 * x, d_3, abs(d_4)):
@@ -245,14 +247,6 @@ def _relative(poses: Sequence[PlanePose], count: int) -> tuple[ComplexArray, Com
     first, *later = poses
     rotors = np.array([cmath.rect(1.0, pose.angle - first.angle) for pose in later])
     return rotors, np.array([pose.p - first.p for pose in later])
-
-
-def _compatibility(
-    rotors: ComplexArray, shifts: ComplexArray
-) -> tuple[complex, complex, complex, complex]:
-    """Return D1 to D4 of D1 + D2 e^(i b2) + D3 e^(i b3) + D4 e^(i b4) = 0."""
-    d_2, d_3, d_4 = np.cross(rotors - 1.0, shifts).tolist()
-    return -d_2 - d_3 - d_4, d_2, d_3, d_4
 
 
 def _triangle(base: complex, side: complex, last_length: float) -> Iterable[complex]:

@@ -103,16 +103,6 @@ def vector_velocity(structure: Structure, u: Vectors, x_1: Any, j: int) -> Any:
     return sum(partial_derivative(structure, u, j, i) * x_1[i] for i in moving)
 
 
-def known_velocity(
-    structure: Structure, u: Vectors, x_1: Any, j: int, unknown: Sequence[int]
-) -> Any:
-    """Return the part of du_j that follows from the bodies already solved."""
-    frame = structure.frames[j]
-    if frame in {j, FIXED, *unknown}:
-        return 0.0
-    return partial_derivative(structure, u, j, frame) * x_1[frame]
-
-
 def velocity_product(
     structure: Structure, u: Vectors, rates: Any, further_rates: Any = None
 ) -> list[Any]:
@@ -166,7 +156,10 @@ def solve_rates(
     for number, (bodies, closing) in enumerate(blocks):
         bent_du = [*du]
         for j in bodies:
-            du[j] = bent_du[j] + known_velocity(structure, u, dx, j, bodies)
+            frame = structure.frames[j]
+            if frame not in {j, FIXED, *bodies}:
+                # Its carrier is solved already.
+                du[j] = bent_du[j] + partial_derivative(structure, u, j, frame) * dx[frame]
         changes = closing(du, opened[number] if opened else ())
         for j, change in zip(bodies, changes, strict=True):
             dx[j] = change

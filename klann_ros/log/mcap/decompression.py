@@ -64,20 +64,16 @@ class DecompressionBudget:
     """
 
     def __init__(self) -> None:
-        self._left = _BUDGET
+        # Negative after the chunk that used it up [bytes].
+        self.left = _BUDGET
 
     def allowed(self, packed: int) -> int:
         """Return the useless bytes that a chunk of a packed size [bytes] may hold."""
-        return max(self._left, 0) + FREE_RATIO * packed + _FREE_PER_CHUNK
-
-    @property
-    def is_exhausted(self) -> bool:
-        """Return whether no useless bytes are left."""
-        return self._left <= 0
+        return max(self.left, 0) + FREE_RATIO * packed + _FREE_PER_CHUNK
 
     def charge(self, wasted: int, packed: int) -> None:
         """Subtract the useless bytes of a chunk."""
-        self._left -= max(0, wasted - FREE_RATIO * packed)
+        self.left -= max(0, wasted - FREE_RATIO * packed)
 
 
 class DecompressionError(ValueError):
@@ -121,7 +117,7 @@ def _unpack(
     packed = len(data)
     limit = min(max(MIN_LIMIT, MAX_RATIO * packed), budget.allowed(packed))
     memory = memory_limit() if size > MIN_LIMIT else MIN_LIMIT
-    if max(limit, MIN_LIMIT) < size <= memory and not budget.is_exhausted:
+    if max(limit, MIN_LIMIT) < size <= memory and budget.left > 0:
         for _ in _checked(pieces, data, size, crc, size):
             pass
         limit = size

@@ -131,7 +131,7 @@ class Judging:
 
     def _request(self) -> None:
         # After a stall of this process its messages are still to be read.
-        if not (self._paused or self._thread.is_busy or self._queries.has_stalled()):
+        if not (self._paused or self._thread.requested.is_set() or self._queries.has_stalled()):
             time = time_ns()
             published = frozenset(self._queries.published())
             self._thread.evaluate((time, published, self._queries.missed()))
@@ -172,32 +172,28 @@ class _JudgeThread:
         self._has_stalled = has_stalled
         self._on_findings = on_findings
         self._request: _Request = (0, frozenset(), {})
-        self._requested = Event()
+        # Set until an evaluation and its idle time are over.
+        self.requested = Event()
         self._stopped = Event()
         self._thread = Thread(target=self._run, name='judge', daemon=True)
         self._thread.start()
 
-    @property
-    def is_busy(self) -> bool:
-        """Return whether an evaluation is under way, or its idle time is."""
-        return self._requested.is_set()
-
     def evaluate(self, request: _Request) -> None:
         """Start an evaluation."""
         self._request = request
-        self._requested.set()
+        self.requested.set()
 
     def stop(self) -> None:
         """Evaluate once more, and end the thread."""
         self._stopped.set()
-        self._requested.set()
+        self.requested.set()
         self._thread.join()
 
     def _run(self) -> None:
         """Evaluate each request, in the thread of the review, for a fixed share of a CPU."""
         had_findings = False
         while not self._stopped.is_set():
-            self._requested.wait()
+            self.requested.wait()
             begin = thread_time()
             findings: list[LiveFinding] = []
             try:
@@ -213,7 +209,7 @@ class _JudgeThread:
             idle_time = _IDLE_RATIO * (thread_time() - begin) - STEP
             if idle_time > 0.0:
                 self._stopped.wait(idle_time)
-            self._requested.clear()
+            self.requested.clear()
 
     def _evaluate(self) -> list[LiveFinding]:
         """Return the findings of the messages and the context that came since the last request."""

@@ -93,7 +93,7 @@ class RecordedTopic:
         self._is_own = is_own
         self._subscriptions: dict[_Policies, _Subscription] = {}
         # The number of present publishers, without the recorder's own.
-        self._publisher_count = 0
+        self.publisher_count = 0
         # The last messages of a single subscription; the filter of two.
         self._recent = deque[_Identity](maxlen=_LATCHED_HISTORY)
         self._duplicates: _DuplicateFilter | None = None
@@ -109,11 +109,6 @@ class RecordedTopic:
         gid = tuple(matching[0].endpoint_gid) if len(matching) == 1 else None
         self._counters.loss.identify(gid)
         return sorted({publisher.topic_type for publisher in publishers} - {self.type})
-
-    @property
-    def has_publisher(self) -> bool:
-        """Return whether another node publishes on it now."""
-        return self._publisher_count > 0
 
     def take_queued(self) -> None:
         """Read the queued messages, as at the end, when no loop reads them."""
@@ -156,7 +151,7 @@ class RecordedTopic:
         self._counters.loss.publishers_changed()
         self._counters.loss.departed = max(s.departed_count for s in subscriptions)
         publisher_count = max(s.publisher_count for s in subscriptions)
-        self._publisher_count = publisher_count - (self._is_own is not None)
+        self.publisher_count = publisher_count - (self._is_own is not None)
         self._on_change(self.name)
 
     def _on_message(self, data: bytes, info: Info) -> None:
@@ -169,7 +164,7 @@ class RecordedTopic:
         log_time = info['received_timestamp']
         identity = (publish_time, sequence or 0)
         if self._duplicates is None:
-            if counters.loss.count(sequence, self._publisher_count):
+            if counters.loss.count(sequence, self.publisher_count):
                 self._on_change(self.name)
             self._recent.append(identity)
         elif self._duplicates.is_duplicate(identity):

@@ -129,7 +129,7 @@ class TopicWatch:
     @property
     def published(self) -> set[str]:
         """Return the recorded topics that have a publisher now."""
-        return {name for name, topic in self._topics.items() if topic.has_publisher}
+        return {name for name, topic in self._topics.items() if topic.publisher_count}
 
     def take_queued(self) -> None:
         """Read all messages received so far."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator
 
-from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.times import CLOCK, offsets, overlaps, Series
 from klann_ros.review.model.topics import TopicFigures, TopicRecording
@@ -25,8 +24,10 @@ def check_clocks(review: Review) -> Iterator[Finding]:
     offset_topics = []
     for topic in review.recording.topics:
         if _has_latency(topic.latencies):
-            if _clock_is_off(topic.figures, review.limits):
-                offset_topics.append(topic.figures)
+            figures = topic.figures
+            is_late = figures.latency_p50 > review.limits.clock_offset and _is_steady(figures)
+            if is_late or figures.latency_p50 < -review.limits.latency:
+                offset_topics.append(figures)
             else:
                 topics.append(topic)
     yield from _latency(review, topics)
@@ -77,12 +78,6 @@ def check_order(review: Review) -> Iterator[Finding]:
 
 def _has_latency(latencies: NDArray[np.float32]) -> bool:
     return bool(np.count_nonzero(~np.isnan(latencies)) >= _MIN_MESSAGES)
-
-
-def _clock_is_off(topic: TopicFigures, limits: Limits) -> bool:
-    if topic.latency_p50 < -limits.latency:
-        return True
-    return topic.latency_p50 > limits.clock_offset and _is_steady(topic)
 
 
 def _is_steady(topic: TopicFigures) -> bool:

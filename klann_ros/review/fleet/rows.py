@@ -174,8 +174,11 @@ def rows_from_table(path: str) -> list[Row]:
         data = file.read()
     try:
         if path.lower().endswith('.parquet'):
-            return _parquet_rows(data)
-        return _csv_rows(data)
+            _, parquet = _pyarrow()
+            records = parquet.read_table(BytesIO(data)).to_pylist()
+            return [Row(**{name: record[name] for name in NAMES}) for record in records]
+        table = csv.DictReader(StringIO(data.decode(), newline=''))
+        return [Row(**{name: _parse_cell(name, cells[name]) for name in NAMES}) for cells in table]
     except (AttributeError, KeyError, ValueError, TypeError, csv.Error) as error:
         raise TableError(f'{printable(path)} is no table of runs: {error}') from error
 
@@ -196,23 +199,12 @@ def _csv_cells(row: Row) -> list[str]:
     return cells
 
 
-def _csv_rows(data: bytes) -> list[Row]:
-    table = csv.DictReader(StringIO(data.decode(), newline=''))
-    return [Row(**{name: _parse_cell(name, cells[name]) for name in NAMES}) for cells in table]
-
-
 def _parse_cell(name: str, cell: str) -> Any:
     if name in TEXTS:
         return cell.removeprefix("'")
     if not cell:
         return None
     return int(cell) if name in COUNTS else float(cell)
-
-
-def _parquet_rows(data: bytes) -> list[Row]:
-    _, parquet = _pyarrow()
-    records = parquet.read_table(BytesIO(data)).to_pylist()
-    return [Row(**{name: record[name] for name in NAMES}) for record in records]
 
 
 def _save_parquet(rows: Iterable[Row], file: BinaryIO) -> None:

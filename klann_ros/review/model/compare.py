@@ -80,8 +80,12 @@ def compare(first: Review, second: Review) -> Comparison:
     remarks: list[str] = []
     for title, first_leg in first_legs.items():
         if title in second_legs:
-            differences += _differences(first.limits, first_leg, second_legs[title])
-            remarks += _remarks(first_leg, second_legs[title])
+            second_leg = second_legs[title]
+            # An unknown leg does not differ.
+            if first_leg.recording.solver.leg and second_leg.recording.solver.leg:
+                differences += _dimensions(first.limits, first_leg, second_leg)
+            differences += _motion(first.limits, first_leg, second_leg)
+            remarks += _remarks(first_leg, second_leg)
     if not (first_legs or second_legs):
         remarks.append('neither run contains a leg: no motion compared')
     if first.walks or second.walks:
@@ -102,13 +106,6 @@ def _unmatched_legs(
                 name = printable(title) or 'without a name'
                 text = f'the leg {name} is in the {run} run only'
                 yield Difference('legs', text, inf, '', title)
-
-
-def _differences(limits: Limits, first: ReviewedLeg, second: ReviewedLeg) -> Iterator[Difference]:
-    # An unknown leg does not differ.
-    if first.recording.solver.leg and second.recording.solver.leg:
-        yield from _dimensions(limits, first, second)
-    yield from _motion(limits, first, second)
 
 
 def _dimensions(limits: Limits, first: ReviewedLeg, second: ReviewedLeg) -> Iterator[Difference]:

@@ -67,11 +67,6 @@ class TopicRecording:
         is_event = self.type in _EVENT_TYPES or self.type.startswith(_EVENT_PACKAGES)
         return not (is_command or is_event)
 
-    @property
-    def is_stream(self) -> bool:
-        """Return whether messages of this type have a rate even where long silences hide it."""
-        return self.is_periodic and self.type.startswith(_STREAMS)
-
     @cached_property
     def figures(self) -> 'TopicFigures':
         """Return the figures of the topic."""
@@ -190,7 +185,7 @@ def _has_rate(topic: TopicRecording, steps: FloatArray, period: float) -> bool:
     usual = _DEFAULT_LIMITS.max_interval(period)
     if float(np.percentile(steps, _REGULAR_PERCENTILE)) > usual:
         return False
-    if topic.is_stream:
+    if topic.type.startswith(_STREAMS):
         return True
     regular, silent = float(steps[steps <= usual].sum()), steps[steps > usual]
     is_present = regular >= _MIN_REGULAR_SHARE * float(steps.sum())
