@@ -304,12 +304,10 @@ def animate(
         # The layout is final: to compute it for each frame would take most of the time.
         root_figure.draw_without_rendering()
         root_figure.set_layout_engine('none')
-
-    def show(frame: int) -> 'list[Artist]':
-        return artists.move(poses[frame])
-
     interval = TURN_TIME / frames
-    return FuncAnimation(root_figure, show, frames=frames, interval=interval)
+    return FuncAnimation(
+        root_figure, lambda frame: artists.move(poses[frame]), frames=frames, interval=interval
+    )
 
 
 def _closed_path(path: FootPath) -> FloatArray:

@@ -8,7 +8,7 @@ from klann_ros.design.evolve import scores
 from klann_ros.design.figures import FIGURES, judge, sheet_figures
 from klann_ros.design.requirements import requirements_from
 from klann_ros.kinematics import Linkage, LinkageLeg, shipped_linkage, turns_fully, Variants
-from klann_ros.kinematics.foot.strip import narrowest_strips
+from klann_ros.kinematics.foot.stance import narrowest_strips
 from klann_ros.robot import Robot, RobotLeg
 import numpy as np
 import pytest

@@ -14,8 +14,7 @@ from klann_ros.kinematics.searches import parabola_peak
 import numpy as np
 
 from .path import FootPath, GROUND_BAND
-from .stance import StanceFigures
-from .strip import narrowest_strips
+from .stance import narrowest_strips, StanceFigures
 
 # Points of a stance, an odd number.
 STANCE_POINTS = 65

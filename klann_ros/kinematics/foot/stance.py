@@ -17,7 +17,6 @@ from klann_ros.kinematics.errors import KinematicsError
 import numpy as np
 
 from .inverse import monotone_intervals, parameters_at, slope_range, turning_points
-from .strip import narrowest_strips
 from .track import Coordinate, gauss_nodes, Track, X, Y
 
 # A figure of one stance, or of many.
@@ -27,6 +26,9 @@ Number = TypeVar('Number', float, FloatArray)
 PANELS = 24
 # Strips of a stance: each holds the extremes that the one before it left out.
 EXCHANGES = 4
+# Angles of a strip: of the first grid over half a turn, of each later one, a quarter as wide, and
+# the last step [rad].
+GRID_ANGLES, ZOOM_ANGLES, MIN_STEP = 33, 9, 1e-10
 
 
 @dataclass(eq=False, repr=False)
@@ -263,3 +265,20 @@ def _extremes(track: Track, normal: Coordinate, t_0: float, t_1: float) -> list[
     """Return the ends of an interval, and the turning points of a coordinate in it."""
     turning = turning_points(track, normal)
     return [t for t in (t_0, t_1, *turning, *(t + pi for t in turning)) if t_0 <= t <= t_1]
+
+
+def narrowest_strips(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return half the width of the narrowest strip of each row of points [m], and its angle."""
+    rows = np.arange(len(x))
+    angles = np.zeros((len(x), 1))
+    step = np.pi / (GRID_ANGLES - 1)
+    offsets = np.linspace(-np.pi / 2.0, np.pi / 2.0, GRID_ANGLES)
+    while step > MIN_STEP:
+        trials = angles + offsets
+        heights = np.cos(trials)[..., None] * y[:, None] - np.sin(trials)[..., None] * x[:, None]
+        widths = np.ptp(heights, axis=2)
+        best = widths.argmin(axis=1)
+        angles = trials[rows, best][:, None]
+        offsets = np.linspace(-step, step, ZOOM_ANGLES)
+        step /= (ZOOM_ANGLES - 1) / 2.0
+    return widths[rows, best] / 2.0, angles[:, 0]

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import atan2, copysign, cos, nan, pi, sin
+from operator import attrgetter
 from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN, wrap
@@ -190,11 +191,8 @@ def dead_points(geometry: FourBarGeometry, driver: str) -> list[DeadPoint]:
     of_rocker = [] if driver == 'crank' else [*_rocker_dead_points(geometry)]
     if driver == 'both':
         of_rocker += _rocker_dead_points(geometry.mirrored())
-
-    def angle(point: DeadPoint) -> float:
-        return point.angle
-
-    return [*sorted(of_crank, key=angle), *sorted(of_rocker, key=angle)]
+    by_angle = attrgetter('angle')
+    return [*sorted(of_crank, key=by_angle), *sorted(of_rocker, key=by_angle)]
 
 
 def rocker_limits(geometry: FourBarGeometry, motion: str) -> RockerLimits:
