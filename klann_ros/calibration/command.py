@@ -102,8 +102,8 @@ def _calibrate(options: argparse.Namespace) -> int:
     )
     further = calibration.further()
     leg_parameters = of_leg(parameters, leg.name)
-    kept = {name: leg_parameters[name] for name in KEPT_PARAMETERS if name in leg_parameters}
-    built = _built_file(calibration, leg, kept, (options.run, options.leg or 'in it'))
+    leg_parameters = {n: leg_parameters[n] for n in KEPT_PARAMETERS if n in leg_parameters}
+    built = _built_file(calibration, leg, leg_parameters, (options.run, options.leg or 'in it'))
     print(*text_lines(calibration, further), sep='\n')
     views: dict[str, Callable[[], str]] = {
         '--output': lambda: built,
@@ -192,7 +192,7 @@ def _request(text: str) -> Request:
 
 
 def _assignment(text: str, form: str) -> tuple[str, str]:
-    """Return what is before and after the first equals sign."""
+    """Return the name and the target of a text NAME=TARGET."""
     name, _, target = text.partition('=')
     if not (name and target):
         raise argparse.ArgumentTypeError(f'{printable(text)} is refused: it must be {form}')

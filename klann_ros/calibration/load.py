@@ -52,7 +52,7 @@ class Request(NamedTuple):
     key: str = ''
 
 
-class Quantity(NamedTuple):
+class RawSeries(NamedTuple):
     """A measured quantity: its samples, before they have a crank angle."""
 
     kind: Kind
@@ -187,7 +187,7 @@ def load_run(
         kind = kind_of(leg.linkage, request.name)
         source = printable(topic.name)
         quantities.append(
-            Quantity(kind, request.name, samples.times, samples.values, noise, source)
+            RawSeries(kind, request.name, samples.times, samples.values, noise, source)
         )
     tracked = crank_points(leg.linkage).keys() & {request.name for request in requests}
     crank = _crank_samples(crank_topics, messages, leg, start, is_needed=not tracked)
@@ -276,7 +276,7 @@ def _crank_samples(
 
 def paired(
     leg: RobotLeg,
-    quantities: Sequence[Quantity],
+    quantities: Sequence[RawSeries],
     crank: tuple[FloatArray, FloatArray] | None,
     unit: str = '',
 ) -> Loaded:
@@ -304,7 +304,7 @@ def paired(
     )
 
 
-def _series(quantities: Sequence[Quantity], crank: CrankSamples) -> list[MeasuredSeries]:
+def _series(quantities: Sequence[RawSeries], crank: CrankSamples) -> list[MeasuredSeries]:
     return [series_of(crank=crank, **quantity._asdict()) for quantity in quantities]
 
 

@@ -13,14 +13,14 @@ from klann_ros.sanitize.quantity import si_size
 from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
 
-from .load import Loaded, paired, Quantity, Request
+from .load import Loaded, paired, RawSeries, Request
 from .measurements import kind_of, MeasurementError
 
 TABLE_SUFFIXES = ('.csv', '.tsv', '.txt')
 MAX_TABLE_SIZE = 256 * 1024 * 1024
 COMMENTS = ('#', '%', '//')
 MAX_HEADER_LINES = 2
-# Names of columns, by what they measure.
+# Names of columns, by their role.
 ROLES = {
     'time': ('time', 't', '__time', 'timestamp'),
     # The stamp of a message.
@@ -44,7 +44,7 @@ _AXIS = re.compile(r'^(.+?)[_./ ]+([xyXY])$')
 
 
 class TableOptions(NamedTuple):
-    """How a table is read: columns by what they measure, the frame rate, the unit of angles."""
+    """How a table is read: columns by their role, the frame rate, the unit of angles."""
 
     columns: Mapping[str, str] = {}
     rate: float | None = None  # [1/s]
@@ -109,7 +109,7 @@ def load_table(
             column = by_role.get(source + suffix) or _column(path, columns, source + suffix)
             numbers.append(column.si_numbers(options.angle_unit if kind == 'angle' else ''))
         title = f'column {printable(source)}'
-        quantities.append(Quantity(kind, name, times, np.column_stack(numbers), source=title))
+        quantities.append(RawSeries(kind, name, times, np.column_stack(numbers), source=title))
     crank = by_role.get('crank')
     unit = (crank and crank.unit) or options.angle_unit
     measured, notes = paired(leg, quantities, crank and (times, crank.numbers), unit)
@@ -138,7 +138,7 @@ def _times(
 
 
 def _column(path: str, columns: Sequence[Column], name: str) -> Column:
-    """Return a column by its name, by what it measures, or by its number from 1 on."""
+    """Return a column by its name, its role, or its number from 1 on."""
     matches = [column for column in columns if name in {column.name, column.role}]
     if not matches and name.isdecimal() and 0 < int(name) <= len(columns):
         matches = [columns[int(name) - 1]]

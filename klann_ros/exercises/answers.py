@@ -26,7 +26,7 @@ TASK_WORD = re.compile(r'^(?:questao|question|tarefa|task|exercicio|exercise)(?=
 
 def read_students(path: str, headings: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
     """
-    Return the names of a class by student number, and what was guessed; headings by column.
+    Return the names of a class by student number, and the guesses; headings by column.
 
     An ExerciseError means that the file is no such table, has a student twice, or a row without.
     """
@@ -106,11 +106,11 @@ class QuestionColumn(NamedTuple):
         return with_unit if isinstance(amount, float) and not isnan(amount) else text
 
 
-class Answers:
+class AnswerTable:
     """
     The answers of a table as written, by student and kind, then by question.
 
-    `refused` are the rows that cannot be used, `notes` what was guessed. A table without columns
+    `refused` are the rows that cannot be used, `notes` the guesses. A table without columns
     for question and answer has a row a student and a column a question. The last answer to a
     question counts; a blank is none. An ExerciseError means that the file is unreadable, or no
     table of answers.
@@ -261,7 +261,7 @@ def _compact(heading: str) -> str:
 
 
 def has_answers(path: str) -> bool:
-    """Return whether a file is a table of students with an answer at least; else as `Answers`."""
+    """Return whether a file is a table of students with an answer; errors as `AnswerTable`."""
     labels = {'student', 'name', 'surname', 'kind', 'question'}
     for row in _table(path, {}).rows if Path(path).is_file() else ():
         if any(cell.strip() for name, cell in row.cells.items() if name not in labels):

@@ -24,7 +24,7 @@ from klann_ros.cli import (
 from klann_ros.sanitize.text import listed, printable
 from klann_ros.web import print_page, PrintError
 
-from .answers import Answers, has_answers, read_students
+from .answers import AnswerTable, has_answers, read_students
 from .assignment import (
     Assignment,
     ASSIGNMENT_FILE,
@@ -147,7 +147,7 @@ def _mark(options: argparse.Namespace) -> int:
     assignment = replace(assignment, language=options.language or assignment.language)
     if remembered:
         print(f'{printable(inputs[1])}: {assignment.summary()}')
-    answers = Answers(options.answers, assignment, dict(options.column or ()))
+    answers = AnswerTable(options.answers, assignment, dict(options.column or ()))
     class_marks = answers.marks()
     class_grades = grades(class_marks, assignment)
     for (student, kind), grade in class_grades.items():

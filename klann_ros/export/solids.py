@@ -105,7 +105,7 @@ def printed_parts(parts: Sequence[Part], bed: complex = 0j) -> dict[str, tuple[A
                 stem = f'{plain}_{number}'
         # On macOS and Windows a name in other letters is the same file.
         stems.add(stem.lower())
-        meshes[f'{stem}_x{count}'] = _laid(solid(first), first, bed), count
+        meshes[f'{stem}_x{count}'] = _mesh_on_bed(solid(first), first, bed), count
     return meshes
 
 
@@ -119,7 +119,7 @@ def _fits(extent: complex, bed: complex) -> bool:
     return max(extent.real - bed.real, extent.imag - bed.imag) + 2.0 * BED_MARGIN <= 0.0
 
 
-def _laid(mesh: Any, part: Part, bed: complex) -> Any:
+def _mesh_on_bed(mesh: Any, part: Part, bed: complex) -> Any:
     """Return a part's mesh as it is printed."""
     ends = sorted(part.prisms, key=lambda prism: prism.low)
     areas = [prism.moments[0].real / (prism.high - prism.low) for prism in ends]

@@ -21,7 +21,7 @@ class NoWalkerError(ValueError):
     """A robot that cannot walk; the text says why."""
 
 
-class Placed(NamedTuple):
+class FootPositions(NamedTuple):
     """Feet and centre of mass in base_link, of one pose or many."""
 
     # Where the n feet touch the ground, shape (..., n, 3) [m].
@@ -127,11 +127,11 @@ class Feet:
             z += share * leg[7]
         return feet, rolled, [x, y, z]
 
-    def at(self, cranks: ArrayLike) -> Placed:
+    def at(self, cranks: ArrayLike) -> FootPositions:
         """Return where the feet are at angles of the cranks [rad], shape (..., c)."""
         legs = self._tables.at(np.asarray(cranks, dtype=np.float64))
         centre = self._body_part + self._mass_shares @ legs[..., 5:]
-        return Placed(legs[..., :3], legs[..., 3:5], centre)
+        return FootPositions(legs[..., :3], legs[..., 3:5], centre)
 
 
 def _side(robot: Robot, joint: str) -> float:

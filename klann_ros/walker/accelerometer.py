@@ -1,7 +1,7 @@
 """
-How far an accelerometer is believed: by its mean at standstill, and by the feet on the way.
+The trust in an accelerometer: by its mean at standstill, and by the feet on the way.
 
-Standstill is told by what is commanded and by the cranks; what a gyro drifts by there is its bias.
+Standstill is known by the commands and the cranks; the mean rate of a gyro there is its bias.
 """
 
 from collections.abc import Sequence

@@ -16,12 +16,12 @@ from .crank_answers import CommissioningFinding, crank_findings, Turn, Verdict
 
 # The rates of cranks by their joints, 0 for those without one [rad/s].
 Rates = Mapping[str, float]
-# A motion smaller than this, or than so many standard deviations of the noise, is none [rad].
+# A motion below this, or below this multiple of the standard deviation of noise, is none [rad].
 MIN_ANGLE, NOISE_GATE = radians(0.1), 6.0
 # A busy machine may disturb a turn: what slips, or turns too little, has to do so this often.
 ATTEMPTS = 3
 REPEATED_VERDICTS = {Verdict.SLIPPING, Verdict.RATIO}
-# The mean of an IMU at rest is that of so many readings.
+# Readings in the mean of an IMU at rest.
 REST_SAMPLES = 20
 # A tilt of a body that stands on its feet, below which an IMU shows nothing [rad].
 MIN_TILT = radians(0.3)
@@ -62,9 +62,9 @@ class Commissioning:
     Turn cranks one after the other, and judge their answers.
 
     `turn_all` and `home` yield the rates of the cranks, time after time; the caller commands them,
-    sets `now` [s], and feeds what it hears meanwhile. `findings` and `drives` are the outcome, and
+    sets `now` [s], and feeds the readings. `findings` and `drives` are the outcome, and
     `aborted` says why a motion ended early. `backwards` are the joints that were seen to turn
-    backwards first, None if nobody looked.
+    backwards first, None if unknown.
     """
 
     def __init__(
@@ -244,7 +244,7 @@ class Commissioning:
 
     @property
     def cranks(self) -> dict[str, dict[str, float]]:
-        """Return what was measured, as a robot file has it."""
+        """Return the measured drives, as a robot file has them."""
         cranks = {joint: asdict(drive) for joint, drive in self.drives.items()}
         for joint, keys in cranks.items():
             if joint not in self._zeroed:

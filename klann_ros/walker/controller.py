@@ -37,7 +37,7 @@ class Interlocks:
             self.is_enabled = True
         return self.latch.reason
 
-    def hear_e_stop(self, *, is_pressed: bool, now: float) -> None:
+    def take_e_stop(self, *, is_pressed: bool, now: float) -> None:
         """Take the state of the emergency stop."""
         self._is_pressed = is_pressed
         self._e_stop_age.feed(now)

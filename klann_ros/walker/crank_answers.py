@@ -75,7 +75,7 @@ def crank_findings(
     Judge a crank that turned forwards and back; return findings and the drive as measured.
 
     Smaller angles than `min_angle` [rad] are noise. `is_backwards`: whether it was seen to turn
-    backwards first; None if nobody looked. The drive is None if it cannot be told.
+    backwards first; None if unknown. The drive is None if it cannot be determined.
     """
     forwards, back = turns
     if not forwards.commanded or not back.commanded:

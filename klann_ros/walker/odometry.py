@@ -227,7 +227,7 @@ class Odometry:
         self.stance.slope.forget()
 
     def set_pose(self, pose: Sequence[float], covariance: FloatArray) -> None:
-        """Go on at x, y [m] and yaw [rad]; what is known of velocity and biases stays."""
+        """Go on at x, y [m] and yaw [rad]; the estimates of velocity and biases stay."""
         self.state.set_pose(pose, covariance)
         self.contact_errors = ContactErrors(self.noise)
 

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from klann_ros.calibration import calibrate
-from klann_ros.calibration.load import paired, Quantity
+from klann_ros.calibration.load import paired, RawSeries
 from klann_ros.robot import robot_of
 from klann_ros.twin import robot_mjcf
 from measured_robots import built
@@ -114,7 +114,7 @@ def test_a_filmed_leg_is_calibrated_without_an_encoder() -> None:
     (leg,) = robot_of('sem104').legs
     quantities = []
     for n, marker in enumerate(MARKERS):
-        quantities.append(Quantity('point', marker, times, tracks[:, n]))
+        quantities.append(RawSeries('point', marker, times, tracks[:, n]))
     loaded = paired(leg, quantities, None)
     assert loaded.notes == ['the crank is that of the point B']
     # The scale is that of the drawing, within the tolerance of a workshop.

@@ -13,7 +13,7 @@ from typing import Any
 
 from browser_page import OpenedPage
 from klann_ros.exercises import ExerciseError, KINDS, make_variant, Variant
-from klann_ros.exercises.answers import Answers, read_students
+from klann_ros.exercises.answers import AnswerTable, read_students
 from klann_ros.exercises.assignment import Assignment, load_assignment, read_tasks
 from klann_ros.exercises.command import main
 from klann_ros.exercises.gradebook import save_template
@@ -210,7 +210,7 @@ def test_the_table_of_all_kinds_is_read_back(
         blank_count = heads.count(delimiter) - labels.count(delimiter)
         filled.append(labels + f'{delimiter}7' * blank_count)
     path.write_text('\n'.join([heads, *filled]), 'utf-8-sig')
-    answers = Answers(str(path), assignment, {})
+    answers = AnswerTable(str(path), assignment, {})
     assert not [note for note in answers.notes if 'question' in note]
     for kind in KINDS.values():
         expected = {question.name: '7' for question in kind.questions}
@@ -226,7 +226,7 @@ def test_a_printed_label_is_a_heading(tmp_path: Path, language: str) -> None:
             label = re.sub('<[^>]+>', '', str(question_markup(question, language)))
             labels.append(f'{number}. {html.unescape(label)}')
     path = written(tmp_path, f'{";".join(labels)}\n0123{";7" * (len(labels) - 1)}\n')
-    notes = Answers(path, assignment, {}).notes
+    notes = AnswerTable(path, assignment, {}).notes
     assert not [note for note in notes if 'question' in note]
 
 
@@ -263,7 +263,7 @@ def test_a_row_of_an_answer_names_its_question_as_a_heading_does(
 ) -> None:
     assignment = Assignment(read_tasks(['toggle', 'grashof']), ANA_EVA)
     path = written(tmp_path, f'student,kind,question,answer\n0123,{task},7\n')
-    assert Answers(path, assignment, {}).texts == {('0123', 'toggle'): {'Z': '7'}}
+    assert AnswerTable(path, assignment, {}).texts == {('0123', 'toggle'): {'Z': '7'}}
 
 
 def test_the_report_has_the_points_of_the_class(tmp_path: Path, capsys: Capture) -> None:

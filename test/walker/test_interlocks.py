@@ -27,16 +27,16 @@ def test_an_emergency_stop_that_was_never_heard_stops_nothing(
 def test_a_pressed_emergency_stop_trips_again_until_it_is_released(
     latch: FaultLatch, interlocks: Interlocks
 ) -> None:
-    interlocks.hear_e_stop(is_pressed=False, now=0.0)
+    interlocks.take_e_stop(is_pressed=False, now=0.0)
     interlocks.check(0.5, 1.0)
     assert latch.fault is None
-    interlocks.hear_e_stop(is_pressed=True, now=0.5)
+    interlocks.take_e_stop(is_pressed=True, now=0.5)
     for _ in range(2):
         interlocks.check(0.6, 1.0)
         assert latch.fault.kind is FaultKind.E_STOP
         assert latch.fault.text == 'e_stop is pressed'
         latch.reset()
-    interlocks.hear_e_stop(is_pressed=False, now=0.7)
+    interlocks.take_e_stop(is_pressed=False, now=0.7)
     interlocks.check(0.8, 1.0)
     assert latch.fault is None
 
@@ -44,9 +44,9 @@ def test_a_pressed_emergency_stop_trips_again_until_it_is_released(
 def test_a_released_emergency_stop_leaves_the_fault(
     latch: FaultLatch, interlocks: Interlocks
 ) -> None:
-    interlocks.hear_e_stop(is_pressed=True, now=0.0)
+    interlocks.take_e_stop(is_pressed=True, now=0.0)
     interlocks.check(0.0, 1.0)
-    interlocks.hear_e_stop(is_pressed=False, now=0.1)
+    interlocks.take_e_stop(is_pressed=False, now=0.1)
     interlocks.check(0.1, 1.0)
     assert latch.fault is not None
     assert '~/reset_fault' in interlocks.enable()
@@ -56,7 +56,7 @@ def test_a_released_emergency_stop_leaves_the_fault(
 def test_silence_once_heard_stops(
     latch: FaultLatch, interlocks: Interlocks, timeout: float, stops: bool
 ) -> None:
-    interlocks.hear_e_stop(is_pressed=False, now=5.0)
+    interlocks.take_e_stop(is_pressed=False, now=5.0)
     interlocks.check(7.0, timeout)
     assert (latch.fault is not None) == stops
     if latch.fault:
@@ -67,7 +67,7 @@ def test_a_pause_of_the_process_is_no_silence(latch: FaultLatch, interlocks: Int
     interlocks.pause(1.0)
     interlocks.check(9.0, 1.0)
     assert latch.fault is None
-    interlocks.hear_e_stop(is_pressed=False, now=9.0)
+    interlocks.take_e_stop(is_pressed=False, now=9.0)
     interlocks.pause(60.0)
     interlocks.check(60.5, 1.0)
     assert latch.fault is None
@@ -80,7 +80,7 @@ def test_a_controller_that_was_paused_excuses_the_silence_of_the_pause_alone(
 ) -> None:
     controller = WalkController(steering, ControllerSettings(e_stop_timeout=1.0))
     controller.keep_alive(10.0)
-    controller.interlocks.hear_e_stop(is_pressed=False, now=10.0)
+    controller.interlocks.take_e_stop(is_pressed=False, now=10.0)
     controller.keep_alive(15.0)
     assert controller.latch.fault is None
     for k in range(1, 12):
@@ -100,7 +100,7 @@ def test_what_is_disabled_is_enabled_on_request(interlocks: Interlocks) -> None:
 
 def test_a_fault_refuses_to_enable(latch: FaultLatch, interlocks: Interlocks) -> None:
     interlocks.is_enabled = False
-    interlocks.hear_e_stop(is_pressed=True, now=0.0)
+    interlocks.take_e_stop(is_pressed=True, now=0.0)
     interlocks.check(0.0, 1.0)
     assert interlocks.enable() == 'e_stop is pressed; call ~/reset_fault'
     assert not interlocks.is_enabled

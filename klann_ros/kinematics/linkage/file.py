@@ -266,10 +266,10 @@ def _describe_misspelling(content: Mapping[str, Any]) -> str:
     uses = Counter(chain([content['foot'], *content['pivots']], *points.values()))
     loose = [(name, point) for name in points for point in points[name] if uses[point] == 1]
     for name, point in loose:
-        elsewhere = [use for use in uses if use not in points[name]]
+        other_uses = [use for use in uses if use not in points[name]]
         # Above all one that nothing else leads to, such as a pivot.
-        single = [use for use in elsewhere if uses[use] == 1]
-        hint = did_you_mean(point, single) or did_you_mean(point, elsewhere)
+        single = [use for use in other_uses if uses[use] == 1]
+        hint = did_you_mean(point, single) or did_you_mean(point, other_uses)
         if not hint and len(single) == 1:
             hint = f'; did you mean {single[0]}?'
         if hint:

@@ -377,8 +377,8 @@ class Structure:
             _require(along == GROUND or along in bodies, f'{text}, which is no body: {there_are}')
             points = self.pivots if along == GROUND else bodies[along].points
             start = body.bars[0].start
-            elsewhere = f'{text} from {start}, which is none of its points: {", ".join(points)}'
-            _require(start in points, elsewhere)
+            problem = f'{text} from {start}, which is none of its points: {", ".join(points)}'
+            _require(start in points, problem)
             while along != GROUND and bodies[along].slides:
                 _require(along not in seen, f'{text}, which slides along it in turn')
                 seen.add(along)

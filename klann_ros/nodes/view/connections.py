@@ -69,7 +69,7 @@ class Machine:
     services: tuple[str, ...]
 
 
-class Graph:
+class RosGraph:
     """Query the ROS graph, without this node and without names that ROS refuses."""
 
     def __init__(self, node: Node) -> None:

@@ -46,11 +46,11 @@ from rclpy.node import Node
 
 from .connections import (
     DIAGNOSTICS_TYPE,
-    Graph,
     JOINT_STATE_TYPE,
     Machine,
     Names,
     ODOMETRY_TYPE,
+    RosGraph,
     SubscribedTopic,
     TopicSubscriptions,
     TRUTH,
@@ -89,7 +89,7 @@ class LiveState(PageState):
         self._crank_topics: Mapping[str, list[str]] = {}
         self._machines: list[Machine] = []
         self._player_values: dict[str, dict[str, float]] = {}
-        self._graph = Graph(node)
+        self._graph = RosGraph(node)
         self._types = TypeCheck(node)
         self._calls = ServiceCalls(node)
         self._subscriptions = TopicSubscriptions(node, self.changed)

@@ -182,7 +182,7 @@ class WalkerNode(ProcessNode):
         now = self._control_clock.now()
         is_pressed = deserialize_message(message, Bool).data
         controller = self._walker.controller
-        controller.interlocks.hear_e_stop(is_pressed=is_pressed, now=now)
+        controller.interlocks.take_e_stop(is_pressed=is_pressed, now=now)
         controller.keep_alive(now)
         if controller.latch.fault:
             self._step(now)

@@ -1,4 +1,4 @@
-"""The messages of a log as columns: each topic is read once, by what it is to a review."""
+"""The messages of a log as columns: each topic is read once, by its role in a review."""
 
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -212,13 +212,13 @@ class _TopicColumns:
     def _add_numbers(self, block: MessageBlock, columns: MessageColumns, role: Role) -> None:
         """Add numbers without names, such as angles and points, to the part of their topic."""
         selection = _AN_INPUT if role in _INPUTS else _NO_INPUT
-        kept = {}
+        selected = {}
         for numbers in columns.numbers.values():
-            kept[''] = _planar(numbers) if role is Role.BODY else numbers[:, :2]
+            selected[''] = _planar(numbers) if role is Role.BODY else numbers[:, :2]
             if role is Role.ARRAY and numbers.shape[1] > _MAX_CRANKS:
                 return
             if role is Role.ARRAY:
-                kept[''] = numbers
+                selected[''] = numbers
                 joints = tuple(map(str, range(numbers.shape[1])))
                 selection = JointSelection(joints, (), is_input=False)
         key = (selection.names, ())
@@ -231,8 +231,8 @@ class _TopicColumns:
             new = slice(max(0, _MAX_MEASURED - len(part)))
             rows = rows[new]
             stamps = stamps[new]
-            kept[''] = kept[''][new]
-        part.add(block, rows, stamps, kept)
+            selected[''] = selected[''][new]
+        part.add(block, rows, stamps, selected)
 
     def _add_joints(self, block: MessageBlock, columns: MessageColumns) -> None:
         """Add the selected joints of JointStates to the part of their names."""
@@ -253,26 +253,26 @@ class _TopicColumns:
             self.parts[key] = Part(self.topic, Role.JOINTS, selection)
         part = self.parts[key]
         selection = part.selection
-        kept = {}
+        selected = {}
         if 'position' in numbers:
-            kept['position'] = _selected(numbers['position'], names, selection.names)
+            selected['position'] = _selected(numbers['position'], names, selection.names)
         if 'effort' in numbers and selection.drives:
-            kept['effort'] = _selected(numbers['effort'], names, selection.drives)
+            selected['effort'] = _selected(numbers['effort'], names, selection.drives)
         rate_kind = 'f8' if self.is_command else self._rate_kind
         if rate_kind:
             unknown = np.full((len(columns.rows), len(names)), np.nan)
             rates = _selected(numbers.get('velocity', unknown), names, selection.names)
             with np.errstate(over='ignore'):
-                kept['velocity'] = rates.astype(rate_kind)
+                selected['velocity'] = rates.astype(rate_kind)
         if selection.names:
-            part.add(block, columns.rows, columns.stamps, kept)
+            part.add(block, columns.rows, columns.stamps, selected)
 
 
-def _selected(numbers: FloatArray, names: Sequence[str], kept_names: Sequence[str]) -> FloatArray:
+def _selected(numbers: FloatArray, names: Sequence[str], joints: Sequence[str]) -> FloatArray:
     """Return the columns of some joints, the first with each name."""
-    if names == kept_names:
+    if names == joints:
         return numbers
-    return numbers[:, [names.index(name) for name in kept_names]]
+    return numbers[:, [names.index(name) for name in joints]]
 
 
 def _planar(poses: FloatArray) -> FloatArray:
@@ -311,7 +311,7 @@ def _nanoseconds(message: Mapping[str, Any], path: str) -> int:
     return int(message[f'{path}.sec'] * 10**9 + message[f'{path}.nanosec'])
 
 
-# What is kept of contents.
+# Readers of contents.
 _CONTENTS: dict[Role | None, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
     Role.REPORT: _iterations,
     Role.TRAJECTORY: _plan,
@@ -319,7 +319,7 @@ _CONTENTS: dict[Role | None, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
 
 
 class LogColumns:
-    """The topics of a log: their reception by name and type, and what is kept of them."""
+    """The topics of a log: their reception by name and type, and their parts."""
 
     def __init__(self, joints: JointSelector, rate_kind: str) -> None:
         self.receptions: dict[tuple[str, str], Reception] = {}
@@ -343,7 +343,7 @@ class LogColumns:
             self._topics[topic].add(block, rows)
 
     def parts(self, *roles: Role) -> Iterator[Part]:
-        """Yield what is kept of the topics with some roles."""
+        """Yield the parts of the topics with some roles."""
         for topic in self._topics.values():
             if topic.role in roles:
                 yield from topic.parts.values()

@@ -105,8 +105,8 @@ def _records(
 
 def _file_faults(log: 'Log | Window', key: str) -> str:
     """Return the file faults that the recorder noted, in one line."""
-    found = (record.get(key, '') for record in log.metadata.get(FAULT_RECORD, ()))
-    return printable_line('; '.join(filter(None, found)))
+    faults = (record.get(key, '') for record in log.metadata.get(FAULT_RECORD, ()))
+    return printable_line('; '.join(filter(None, faults)))
 
 
 def _clock(columns: LogColumns, pool: SeriesPool) -> Series:

@@ -192,8 +192,9 @@ def _has_rate(topic: TopicRecording, steps: FloatArray, period: float) -> bool:
     return is_present or regular >= _MIN_REGULAR_TIME * (len(silent) + 1)
 
 
-def exclude_intervals(found: Sequence[Gap], intervals: Sequence[Interval]) -> list[Gap]:
+def exclude_intervals(gaps: Sequence[Gap], intervals: Sequence[Interval]) -> list[Gap]:
     """Return the gaps that are too long even without the time of merged intervals in them."""
-    begins, ends = (np.array([one[i] for one in found], dtype=np.int64) for i in (0, 1))
-    rest = (ends - begins) / 1e9 - covered_time(begins, ends, intervals) / 1e9
-    return [gap for gap, time in zip(found, rest.tolist(), strict=True) if time > gap.max_interval]
+    begins = np.array([gap.begin for gap in gaps], dtype=np.int64)
+    ends = np.array([gap.end for gap in gaps], dtype=np.int64)
+    times = (ends - begins) / 1e9 - covered_time(begins, ends, intervals) / 1e9
+    return [gap for gap, time in zip(gaps, times.tolist(), strict=True) if time > gap.max_interval]

@@ -9,7 +9,7 @@ from klann_ros.live.legs import drawn_shape
 from klann_ros.log.run_parameters import leg_description, SolverParameters
 from klann_ros.nodes.endpoints import LATCHED
 from klann_ros.nodes.raw_executor import RawCallbackGroup
-from klann_ros.nodes.view.connections import Graph, ODOMETRY_TYPE, SubscribedTopic
+from klann_ros.nodes.view.connections import ODOMETRY_TYPE, RosGraph, SubscribedTopic
 from klann_ros.nodes.view.live_state import LiveState
 from nav_msgs.msg import Odometry
 import pytest
@@ -76,7 +76,7 @@ def test_a_simulation_publishing_only_its_crank_is_not_a_solver(ros: Domain) -> 
 
 
 def test_a_walk_is_offered_while_a_node_subscribes_to_cmd_vel(ros: Domain) -> None:
-    graph = Graph(ros.probe.add_node('page'))
+    graph = RosGraph(ros.probe.add_node('page'))
     ros.probe.node.create_publisher(TwistStamped, 'cmd_vel', 10)
     ros.probe.until(lambda: '/cmd_vel' in dict(graph.topics()))
     assert graph.walker_topics(graph.topics()) == []
