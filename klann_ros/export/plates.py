@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 from math import isfinite
 
-from klann_ros.kinematics import body_points, FIXED, Linkage
+from klann_ros.kinematics import body_points, FIXED, GROUND, Linkage
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import counted, did_you_mean
 
@@ -22,7 +22,6 @@ from .travel import ExportError, slide_lines, SlideLine
 COINCIDENCE = 1e-9
 # Candidate positions of a sliding body's pins along its line, in widths from its first point.
 GUIDE_POSITIONS = (0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0, 5.0, -5.0)
-GROUND = 'ground'
 # Minimum material between a hole and an edge, or another hole, as a part of its diameter.
 MIN_WALL = 0.25
 

@@ -147,7 +147,11 @@ class _Model:
             raise ValueError(refusal('time_step', time_step, '> 0 s'))
         self._accuracy = accuracy._replace(time_step=time_step or accuracy.time_step)
         closing, step = self._accuracy.closing, self._accuracy.time_step
-        self.closed = _critically_damped(closing / step**2)
+        # A violation r of an equality has r.. = -stiffness r - damping r., critically damped.
+        stiffness = closing / step**2
+        # Negative numbers are direct values; solimp is as hard as the engine allows.
+        direct = f'{_text(-stiffness)} {_text(-2.0 * stiffness**0.5)}'
+        self.closed = {'solref': direct, 'solimp': '0.9999 0.9999 0.001 0.5 2'}
         # The engine's usual impedance lets a loop open under load.
         self.loop_closure = {'solref': f'{_text(compliance)} 1'} if compliance else self.closed
         self.equality, self.tendon = Element('equality'), Element('tendon')
@@ -416,13 +420,6 @@ def is_near_change(leg: RobotLeg, angle: float) -> bool:
     alpha = float(leg.crank_angles(angle))
     betas = [point.beta for point in leg.linkage.change_points.points]
     return any(abs(wrap(alpha - beta)) < CHANGE_POINT_DISTANCE for beta in betas)
-
-
-def _critically_damped(stiffness: float) -> dict[str, str]:
-    """Return the attributes of an equality: its violation r has r.. = -stiffness r - damping r."""
-    # Negative numbers are direct values; solimp is as hard as the engine allows.
-    direct = f'{_text(-stiffness)} {_text(-2.0 * stiffness**0.5)}'
-    return {'solref': direct, 'solimp': '0.9999 0.9999 0.001 0.5 2'}
 
 
 def _touching(friction: float, *, floor: bool = False) -> dict[str, str]:

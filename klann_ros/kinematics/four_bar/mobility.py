@@ -7,11 +7,9 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN, wrap
-from klann_ros.kinematics.linkage.reach import crank_limits, length_rounding
+from klann_ros.kinematics.linkage.reach import crank_limits, length_rounding, Lengths
 
 from .geometry import FourBarGeometry
-
-Lengths = tuple[float, float, float, float]
 
 FIXED, ROTATES, OSCILLATES = 'fixed', 'rotates', 'oscillates'
 

@@ -206,7 +206,8 @@ def figures(reviews: Sequence[Review]) -> Markup:
     sources: dict[str, str] = {}
     for index, review in enumerate(reviews):
         for leg in review.legs:
-            title = _leg_title(leg.recording.title, index, len(reviews))
+            run = f'run {"AB"[index]}' if len(reviews) > 1 else ''
+            title = ', '.join(filter(None, (run, leg.recording.title)))
             rows.append((title, [*_figures(leg.figures)]))
             if leg.recording.solver.source:
                 sources[title] = leg.recording.solver.source
@@ -227,11 +228,6 @@ def figures(reviews: Sequence[Review]) -> Markup:
         prefix = f'{title}: ' if title else ''
         lines.append(element('p', f'{prefix}the geometry is that of {source}.', class_='quiet'))
     return element('section', element('h2', 'Figures'), table, *lines)
-
-
-def _leg_title(title: str, index: int, run_count: int) -> str:
-    run = f'run {"AB"[index]}' if run_count > 1 else ''
-    return ', '.join(filter(None, (run, title)))
 
 
 class _Figure(NamedTuple):

@@ -2,10 +2,11 @@
 
 from base64 import b64encode
 from collections.abc import Iterable, Sequence
-from math import degrees, isnan, pi
+from math import degrees, isnan
 from typing import Any
 
 from klann_ros.kinematics import AnyLeg
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray, IndexArray, IntArray
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.poses import linkage_foot_path
@@ -24,7 +25,6 @@ Packed = dict[str, Any]
 # The largest of 32 bits, and the mark of a missing number.
 _MAX_INT32 = 2**31 - 1
 _MISSING = -(2**31)
-_FULL_TURN = 2.0 * pi
 # Bytes of a number in the page, before base64.
 _NUMBER_SIZE = 4
 # Share of the paths of walkers in all numbers.
@@ -59,16 +59,16 @@ def pack_times(seconds: FloatArray) -> Packed:
 def pack_angles(radians: FloatArray) -> Packed:
     """Pack angles modulo a turn, to 2^-32 of it: 1.5e-9 rad, less than 1e-8 of any length."""
     with np.errstate(invalid='ignore', over='ignore'):
-        turns = radians / _FULL_TURN
+        turns = radians / TURN
         # With more turns, a double has no fraction.
         fractions = np.where(np.abs(turns) <= _MAX_INT32, turns - np.round(turns), np.nan)
-        return _scaled(fractions * _FULL_TURN, _FULL_TURN / 2.0**32)
+        return _scaled(fractions * TURN, TURN / 2.0**32)
 
 
 def pack_turns(radians: FloatArray) -> Packed:
     """Pack the whole turns that `pack_angles` omits."""
     with np.errstate(invalid='ignore', over='ignore'):
-        return _scaled(np.round(radians / _FULL_TURN), 1.0)
+        return _scaled(np.round(radians / TURN), 1.0)
 
 
 def _scaled(numbers: FloatArray, scale: float) -> Packed:
