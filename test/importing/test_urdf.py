@@ -116,7 +116,7 @@ def test_a_linkage_of_a_urdf_moves_as_its_joints_do(  # noqa: PLR0917 - columns 
 def test_the_crank_is_the_driven_joint_and_the_foot_a_frame(axis: str, tmp_path: Path) -> None:
     output = tmp_path / 'linkage.yaml'
     # The driven joint hip is in another part of the robot.
-    joints = KNEE.replace('0 -1 0', axis, 1).replace('shin foot', 'shin hip')
+    joints = KNEE.replace('0 -1 0', axis, 1).replace('"foot"', '"hip"')
     assert main([written(tmp_path, joints, KNEE_LOOPS), '-o', str(output)]) == 0
     table = read_table(output)
     assert table['crank'] == 'crank'
