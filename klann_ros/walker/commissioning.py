@@ -153,6 +153,7 @@ class Commissioning:
                 self.aborted = 'crank_state is silent'
             yield {joint: self._settings.rate * drive.motor_ratio}
         if self.aborted:
+            del self.drives[joint]
             self.findings.append(CommissioningFinding(joint, Verdict.ABORTED, self.aborted))
         yield {}
 

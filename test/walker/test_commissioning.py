@@ -263,6 +263,7 @@ def test_a_switch_that_never_closes_ends_the_homing_after_a_turn() -> None:
     plant.run()
     plant.run(plant.commissioning.home('left_crank', lambda: False))
     assert ('left', Verdict.ABORTED) in plant.verdicts
+    assert plant.commissioning.problem == 'repair first: left_crank'
     assert 2.0 * pi < plant.angles['left_crank'] < 2.3 * pi
 
 

@@ -217,12 +217,14 @@ def _print(content: Mapping[str, Any], field: str | None) -> None:
 
 def _list(node: DriveNode, text: str = '') -> Steps:
     yield from _pause(2.0 * DISCOVERY_TIME)
-    for topic, types in node.get_topic_names_and_types():
-        if text in topic:
-            print(f'{topic}  {listed(types)}')
-            for role in ('publishers', 'subscriptions'):
-                infos = getattr(node, f'get_{role}_info_by_topic')(topic)
-                print(f'    {role}: {listed(sorted({*map(endpoints.node_of, infos)}))}')
+    topics = [pair for pair in node.get_topic_names_and_types() if text in pair[0]]
+    if not topics:
+        raise ValueError(f'no topic has {text} in its name')
+    for topic, types in topics:
+        print(f'{topic}  {listed(types)}')
+        for role in ('publishers', 'subscriptions'):
+            infos = getattr(node, f'get_{role}_info_by_topic')(topic)
+            print(f'    {role}: {listed(sorted({*map(endpoints.node_of, infos)}))}')
 
 
 def _call(node: DriveNode, service: str) -> Steps:
