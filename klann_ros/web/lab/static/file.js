@@ -183,7 +183,7 @@ function linkageText(linkage, content, x, name) {
     );
   });
   const head =
-    '# Saved by the lab of klann_ros: ros2 run klann_ros solver_node --ros-args -p linkage:=THIS_FILE\n';
+    '# Saved by the lab of klann_ros: solver_node --ros-args -p linkage:=THIS_FILE\n';
   return head + writeYaml(copy);
 }
 

@@ -110,7 +110,7 @@ function parametersText(linkage) {
     ([word, value]) => `    ${word}: ${real(value)}\n`,
   );
   return [
-    '# Saved by the lab of klann_ros: ros2 run klann_ros solver_node --ros-args --params-file THIS_FILE\n',
+    '# Saved by the lab of klann_ros: solver_node --ros-args --params-file THIS_FILE\n',
     '/**:\n  ros__parameters:\n',
     ...lines,
     `    assembly: [${linkage.signs.join(', ')}]\n`,
