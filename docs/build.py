@@ -31,7 +31,10 @@ def build(folder: Path, url: str) -> int:
     broken = [*Site(folder).broken_links()]
     for line in broken:
         sys.stderr.write(f'{line}\n')
-    return 1 if broken else 0
+    if broken:
+        return 1
+    print(f'The site begins with {folder / "index.html"}')
+    return 0
 
 
 if __name__ == '__main__':
