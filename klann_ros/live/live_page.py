@@ -110,7 +110,7 @@ def _verdict(run: ListedRun, is_judged: bool, row: Row | None) -> Markup:
     elif run.is_changing:
         text = 'changing'
     else:
-        text = 'in work'
+        text = 'in review'
     return element('span', text, class_='chip')
 
 

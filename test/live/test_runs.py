@@ -135,7 +135,7 @@ def test_the_list_shows_verdicts_and_lengths(tmp_path: Path) -> None:
     for path in tmp_path.iterdir():
         os.utime(path, (1.7e9, 1.7e9))
     first, *_, (last, text) = answers_of(tmp_path, '')
-    assert first[1].count('>in work<') == 3
+    assert first[1].count('>in review<') == 3
     assert 'Refresh' not in last.headers
     rows = []
     for row in text.replace('<wbr>', '').split('<tr>')[2:]:

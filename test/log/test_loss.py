@@ -139,11 +139,11 @@ def test_nothing_is_known_without_numbers_or_of_several_at_once(arguments) -> No
         ),
         (
             TopicCount(5, 5, departed=1),
-            '0 were lost at least; 1 publisher left (/a): losses at their end cannot be detected',
+            'at least 0 were lost; 1 publisher left (/a): losses at their end cannot be detected',
         ),
         (
             TopicCount(5, 4, dropped=1, missed=None, departed=2),
-            f'1 was lost at least; the loss of /a is unknown: {WHY}',
+            f'at least 1 was lost; the loss of /a is unknown: {WHY}',
         ),
     ],
 )

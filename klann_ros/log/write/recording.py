@@ -194,8 +194,8 @@ def losses_in_words(counts: Mapping[str, TopicCount]) -> str:
     departed = [
         name for name, count in counts.items() if count.departed and count.missed is not None
     ]
-    at_least = ' at least' if unknown or departed else ''
-    clauses = [f'{lost} {verb(lost, "was", "were")} lost{at_least}']
+    at_least = 'at least ' if unknown or departed else ''
+    clauses = [f'{at_least}{lost} {verb(lost, "was", "were")} lost']
     if early:
         were = verb(early, 'was', 'were')
         clauses.append(f'{early} {were} sent before the recorder discovered their publishers')

@@ -111,7 +111,7 @@ class LegParameters:
                     return f'Klann leg {name}'
             return 'Klann leg of its own lengths'
         file = self._files[driven.name] or LINKAGE_PARAMETER
-        return f'linkage {printable(linkage.name)} ({printable(file)})'
+        return f'{printable(linkage.name)} ({printable(file)})'
 
     def changed(self, parameters: Sequence[Parameter]) -> dict[str, AnyLeg]:
         """Return the legs that parameters change, by name; a GeometryError for refused ones."""

@@ -357,7 +357,7 @@ class Drives:
         is_uninterrupted = leased.lease.announce()
         owner = leased.drive.owner
         if leased.drive.is_lost(now):
-            return 'the page timed out'
+            return 'the page fell silent: its machine or the network was busy'
         if not is_uninterrupted:
             return 'view_node was stopped for a while'
         if owner is None or leased.waiting_since is None:

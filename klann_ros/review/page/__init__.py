@@ -225,8 +225,8 @@ def figures(reviews: Sequence[Review]) -> Markup:
         sources = {'': next(iter(sources.values()))}
     lines = []
     for title, source in sources.items():
-        prefix = f'{title}: ' if title else ''
-        lines.append(element('p', f'{prefix}the geometry is that of {source}.', class_='quiet'))
+        subject = f'Geometry of {title}' if title else 'Geometry'
+        lines.append(element('p', f'{subject}: {source}.', class_='quiet'))
     return element('section', element('h2', 'Figures'), table, *lines)
 
 
@@ -250,6 +250,6 @@ def _figures(figures: LegFigures) -> Iterator[_Figure]:
         ('Lift', 1e3 * figures.lift, '.1f', 'mm'),
         ('Foot on the ground', figures.duty_factor, '.1%', 'of a turn'),
         ('Stance off a line', figures.straightness, '.2%', 'of its length'),
-        ('Links from in line', degrees(figures.worst_transmission_angle), '.1f', 'deg at least'),
+        ('Transmission angle', degrees(figures.worst_transmission_angle), '.1f', 'deg at least'),
     ):
         yield _Figure(name, number(figure, form), unit)
