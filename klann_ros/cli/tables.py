@@ -150,15 +150,18 @@ def _without_quote(cell: str) -> str:
     return cell[1:] if cell.startswith("'") and cell[1:].startswith(_FORMULA_STARTS) else cell
 
 
-def decoded_text(path: str, error_type: type[Exception], max_size: int) -> str:
-    """Return the text of a table in an encoding of spreadsheets."""
+def decoded_text(
+    path: str, error_type: type[Exception], max_size: int, *, may_be_xml: bool = False
+) -> str:
+    """Return the text of a table, or of an XML file, in an encoding of spreadsheets."""
     try:
         with open_regular(path) as file:
             data = file.read(max_size + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, 'strerror', None) or error
         raise error_type(f'{printable(path)} cannot be read: {printable(reason)}') from error
-    if data[:99].lstrip(b'\xef\xbb\xbf\r\n\t ').startswith(WORKBOOKS):
+    start = data[:99].lstrip(b'\xef\xbb\xbf\r\n\t ')
+    if start.startswith(WORKBOOKS) and not (may_be_xml and start.startswith(b'<')):
         raise error_type(f'{printable(path)} is a workbook: save it as CSV')
     if len(data) > max_size:
         raise error_type(f'{printable(path)} is longer than {max_size} bytes')

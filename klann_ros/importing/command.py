@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from klann_ros.cli import ArgumentParser, NOT_READ, Output
+from klann_ros.cli import ArgumentParser, decoded_text, NOT_READ, Output
 from klann_ros.kinematics import linkage_from_text, LinkageFileError
-from klann_ros.sanitize.files import is_regular_file, read_regular
+from klann_ros.sanitize.files import is_regular_file
 from klann_ros.sanitize.text import listed, printable, printable_line
 from klann_ros.sanitize.yaml_text import dump, MAX_FILE_SIZE
 
@@ -72,16 +72,16 @@ def _import(options: argparse.Namespace) -> int:
 
 def _source(source: str) -> tuple[str, str]:
     """Return the text of a source, and its printable name."""
-    try:
-        if source != '-':
-            return read_regular(source, MAX_FILE_SIZE), printable(source)
+    if source == '-':
         # A longer text is refused by its reader.
-        return sys.stdin.buffer.read(4 * MAX_FILE_SIZE).decode(), 'standard input'
-    except (OSError, ValueError) as error:
-        if isinstance(error, OSError) and any(mark in source for mark in '[?\n<'):
+        return sys.stdin.buffer.read(4 * MAX_FILE_SIZE).decode(errors='replace'), 'standard input'
+    try:
+        text = decoded_text(source, MechanismError, MAX_FILE_SIZE, may_be_xml=True)
+        return text, printable(source)
+    except MechanismError as error:
+        if isinstance(error.__cause__, OSError) and any(mark in source for mark in '[?\n<'):
             return source, 'text'
-        reason = getattr(error, 'strerror', None) or error
-        raise MechanismError(f'{printable(source)} cannot be read: {reason}') from error
+        raise
 
 
 def _parser() -> ArgumentParser:

@@ -66,9 +66,8 @@ def _read_pyslvs(text: str) -> list[Joint]:
     remainder = _PYSLVS_JOINT.sub('', expression).replace(',', '')
     if remainder != 'M[]':
         raise MechanismError(f'{printable(remainder, 60)} is left of it')
-    joints = []
-    for number, match in enumerate(_PYSLVS_JOINT.finditer(expression)):
-        joints.append(_joint({**match.groupdict(''), 'name': f'P{number}'}))
+    rows = [match.groupdict('') for match in _PYSLVS_JOINT.finditer(expression)]
+    joints = [_joint({**row, 'name': f'P{number}'}) for number, row in enumerate(rows)]
     for base, drive in project.get('input', ()):
         joints[base] = replace(joints[base], is_driven=bool(joints[drive]))
     return joints

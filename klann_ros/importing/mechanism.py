@@ -75,9 +75,7 @@ def linkage_content(joints: Sequence[Joint], crank: str = '', foot: str = '') ->
         elif link != GROUND:
             bodies[link] = [*members]
     order = dict.fromkeys([*(joint.name for joint in joints), *places])
-    coordinates = {
-        name: [places[name].real, places[name].imag] for name in order if name in places
-    }
+    coordinates = {n: [places[n].real, places[n].imag] for n in order if n in places}
     if foot and names.get(foot, foot) not in places:
         hint = f'there are {listed(coordinates)}{did_you_mean(foot, places)}'
         raise MechanismError(f'the foot {listed([foot])} is no joint: {hint}')

@@ -60,6 +60,16 @@ def test_a_file_becomes_a_linkage_file(tmp_path: Path, capsys: pytest.CaptureFix
     assert 'crank crank, foot E' in err
 
 
+@pytest.mark.parametrize('encoding', ['cp1252', 'utf-16'])
+def test_a_file_of_windows_is_read(
+    encoding: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / 'bar.csv'
+    file.write_text(FOUR_BAR.replace('rocker', 'balanço'), encoding=encoding)
+    assert main([str(file)]) == 0
+    assert '  balanco: [C, D]\n' in capsys.readouterr().out
+
+
 def test_a_text_and_the_standard_input_are_read(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -194,13 +204,13 @@ def test_a_missing_file_a_folder_and_too_much_text_are_refused(
 ) -> None:
     long_file = tmp_path / 'long'
     long_file.write_text('x' * 1_000_001)
-    binary = tmp_path / 'binary'
-    binary.write_bytes(b'\xff\xfe\x00')
+    workbook = tmp_path / 'workbook'
+    workbook.write_bytes(b'PK\x03\x04\xff')
     sources: dict[Any, str] = {
         'no.csv': 'No such file',
         tmp_path: 'a folder',
         long_file: 'longer than 1000000 bytes',
-        binary: 'no UTF-8 text',
+        workbook: 'a workbook: save it as CSV',
     }
     for source, reason in sources.items():
         assert main([str(source)]) == 2

@@ -261,7 +261,7 @@ def test_only_a_urdf_asks_for_its_loops(
     path = written(tmp_path, KNEE, '')
     (tmp_path / 'loop_closures.yaml').write_bytes(b'\xff')
     for form, says in (
-        ('urdf', 'loop_closures.yaml cannot be read'),
+        ('urdf', 'a part of it is missing'),
         ('linkage2', 'no <linkage2>'),
     ):
         assert main([path, '--form', form]) == 2
