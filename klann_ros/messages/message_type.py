@@ -298,11 +298,14 @@ def _write_fields(writer: CdrWriter, fields: Sequence[Field], content: Mapping[s
     """Write fields in their order; what the content does not have is 0 or empty."""
     for field in fields:
         default: Any = '' if field.kind == TEXT else 0
-        elements = content.get(field.path, [] if field.length is None else default)
+        elements = content.get(field.path, [default] * (field.length or 0))
         if field.length is None:
             writer.numbers('I', [len(elements)])
-        elif field.length == 1:
+        elif field.length == 1 and field.path in content:
             elements = [elements]
+        elif len(elements) != field.length:
+            size = f'{field.length} elements, not {len(elements)}'
+            raise ValueError(f'{field.path} has {size}')
         if field.members:
             for element in elements:
                 _write_fields(writer, field.members, element)
@@ -310,7 +313,7 @@ def _write_fields(writer: CdrWriter, fields: Sequence[Field], content: Mapping[s
             for text in elements:
                 writer.string(text)
         else:
-            writer.numbers(field.kind, elements or [0] * (field.length or 0))
+            writer.numbers(field.kind, elements)
 
 
 class NumberPlaces:

@@ -7,6 +7,7 @@ from klann_ros.log.definitions import definition
 from klann_ros.messages import (
     DIAGNOSTICS,
     FLOAT64,
+    IMU,
     JOINT_STATE,
     known_types,
     MessageType,
@@ -124,6 +125,11 @@ def test_what_is_left_out_is_zero_or_empty() -> None:
         'effort': (),
     }
     assert STRING.write({}) == b'\0\1\0\0\1\0\0\0\0'
+
+
+def test_an_array_of_a_fixed_size_is_written_whole() -> None:
+    with pytest.raises(ValueError, match='orientation_covariance has 9 elements, not 1'):
+        IMU.write({'orientation_covariance': [0.5]})
 
 
 @given(texts, texts, st.lists(st.floats(allow_nan=False), min_size=9, max_size=9))

@@ -148,7 +148,7 @@ def _message(node: DriveNode, message_type: MessageType, fields: Any) -> bytes:
         fields |= dict(zip(('header.stamp.sec', 'header.stamp.nanosec'), stamp, strict=True))
     try:
         return message_type.write(fields)
-    except (struct.error, AttributeError, TypeError) as error:
+    except (struct.error, ArithmeticError, AttributeError, TypeError, ValueError) as error:
         text = f'this is no {message_type.name}: {error}'
         raise ArgumentTypeError(text) from error
 
