@@ -42,6 +42,8 @@ class LossCounter:
         # Whether all messages had a number.
         self.numbered = True
         self._last: int | None = None
+        # When the last one was sent [ns].
+        self._last_time = 0
         # The last number before publishers changed, and its publisher.
         self._last_before_change: int | None = None
         self._publisher: object = None
@@ -76,9 +78,11 @@ class LossCounter:
                 self._begin(first)
         self._publisher = publisher
 
-    def count(self, sequence: int | None, publishers: int = 1) -> bool:
+    def count(self, sequence: int | None, publishers: int = 1, time: int = 0) -> bool:
         """
         Count the gap before a message with a sequence number; None where there is none.
+
+        `time` is when it was sent [ns]: where discovery ends, Fast DDS 3 sends older ones late.
 
         The numbers of several publishers are ambiguous. Return whether it is the first message
         since publishers changed: now they can be identified.
@@ -89,7 +93,10 @@ class LossCounter:
             self._last = self._last_before_change = self._first = None
             return False
         last = self._last
+        if last is not None and sequence < last and time < self._last_time:
+            return False
         self._last = sequence
+        self._last_time = time
         if last is None:
             self._resume(sequence)
             return True

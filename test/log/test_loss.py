@@ -118,6 +118,13 @@ def test_a_first_or_latched_publisher_has_sent_nothing_early(latched, numbers, c
     assert (counter.lost, counter.before_discovery) == counts
 
 
+def test_messages_that_come_after_newer_ones_are_no_loss() -> None:
+    counter = LossCounter()
+    for number in (5, 6, 7, 2, 3, 4, 8):
+        counter.count(number, time=number)
+    assert (counter.lost, counter.before_discovery) == (0, 0)
+
+
 @pytest.mark.parametrize('arguments', [(None,), (5, 2)])
 def test_nothing_is_known_without_numbers_or_of_several_at_once(arguments) -> None:
     counter = LossCounter()

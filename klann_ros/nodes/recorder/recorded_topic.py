@@ -164,7 +164,7 @@ class RecordedTopic:
         log_time = info['received_timestamp']
         identity = (publish_time, sequence or 0)
         if self._duplicates is None:
-            if counters.loss.count(sequence, self.publisher_count):
+            if counters.loss.count(sequence, self.publisher_count, publish_time):
                 self._on_change(self.name)
             self._recent.append(identity)
         elif self._duplicates.is_duplicate(identity):
