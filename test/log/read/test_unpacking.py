@@ -1,6 +1,7 @@
 """Packed files and messages: as far as they are whole, bounded, and gone without a trace."""
 
 import os
+import resource
 
 from crank_runs import make_messages
 from db3_files import make_db3
@@ -98,6 +99,17 @@ def test_nothing_is_unpacked_without_disk_space(file, monkeypatch) -> None:
     (file.parent / 'x.db3-wal').write_bytes(bytes.fromhex('377f0682') + bytes(100))
     with pytest.raises(NotALogError, match='let TMPDIR name a folder with room'):
         open_log(bag)
+
+
+def test_a_disk_that_refuses_the_unpacked_file_is_named(file) -> None:
+    packed = pack(file, file.read_bytes())
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (MB, limits[1]))
+    try:
+        with pytest.raises(NotALogError, match='File too large'):
+            open_log(packed)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def test_messages_that_cannot_be_unpacked_are_counted_and_the_others_read(

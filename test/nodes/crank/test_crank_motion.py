@@ -90,4 +90,4 @@ def test_invalid_motions_are_refused(change: dict[str, object], reason: str) -> 
 
 
 def test_a_crank_that_stands_still_has_no_period() -> None:
-    assert CrankMotion(speed=0.0).period == math.inf
+    assert CrankMotion(speed=0.0, frequency=0.0).period == math.inf
