@@ -270,14 +270,14 @@ class TemporaryFile:
         with self._disk():
             room = shutil.disk_usage(self.path.parent).free - _MIN_FREE
             self._check_room(size, room)
-            file = self.path.with_name(self.path.name + suffix).open('wb')
+            # A buffer would fail again when it is closed, without a remedy.
+            file = self.path.with_name(self.path.name + suffix).open('wb', buffering=0)
         with file:
             for piece in pieces:
                 room -= len(piece)
                 self._check_room(0, room)
                 with self._disk():
-                    file.write(piece)
-                    file.flush()
+                    self._check_room(len(piece), file.write(piece))
 
     @contextmanager
     def _disk(self) -> Iterator[None]:
