@@ -21,7 +21,7 @@ from klann_ros.datasheet import motor_from_file, MotorFileError
 from klann_ros.design import requirements_from, requirements_from_file, RequirementsError, State
 from klann_ros.design.search import StateError
 from klann_ros.exercises import ExerciseError
-from klann_ros.exercises.answers import Answers, read_students
+from klann_ros.exercises.answers import AnswerTable, read_students
 from klann_ros.exercises.assignment import Assignment, load_assignment
 from klann_ros.kinematics import linkage_from_file, LinkageFileError
 from klann_ros.live.protocol import parse_message, ProtocolError
@@ -165,9 +165,11 @@ READERS = {
         'students', '.csv', hostile_table, _of_name(read_students, {}), ExerciseError
     ),
     'answers': _sample(
-        'answers', '.csv', hostile_table, _of_name(Answers, Assignment(), {}), ExerciseError
+        'answers', '.csv', hostile_table, _of_name(AnswerTable, Assignment(), {}), ExerciseError
     ),
-    'form': _sample('form', '.csv', hostile_table, _of_name(Answers, CLASS, {}), ExerciseError),
+    'form': _sample(
+        'form', '.csv', hostile_table, _of_name(AnswerTable, CLASS, {}), ExerciseError
+    ),
     'assignment': _sample('assignment', '.json', hostile_json, _read_assignment, ExerciseError),
     'track': _sample(
         'track',
