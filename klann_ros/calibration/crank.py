@@ -83,13 +83,15 @@ class CrankSpline:
 
     def _fit(self, times: FloatArray, positions: FloatArray, noise: float | None) -> None:
         """Set states, q, r and information to those of the largest likelihood."""
-        from scipy.sparse import block_diag, eye_array, kron  # noqa: PLC0415 - an extra
+        from scipy.sparse import block_diag, csr_array, eye, kron  # noqa: PLC0415 - an extra
 
         weights, _ = self.weights(times)
         chains = []
         for count in np.diff(self._nodes):
-            steps = kron(eye_array(count - 1, count), STEP_ROOT.T @ TRANSITION)
-            chains.append(kron(eye_array(count - 1, count, k=1), STEP_ROOT.T) - steps)
+            begins = csr_array(eye(count - 1, count))
+            ends = csr_array(eye(count - 1, count, k=1))
+            steps = kron(begins, STEP_ROOT.T @ TRANSITION)
+            chains.append(kron(ends, STEP_ROOT.T) - steps)
         chain = block_diag(chains, format='csr')
         chain_information = chain.T @ chain
         # The likelihood of the motion about a straight one, for the digits.
@@ -176,11 +178,12 @@ class CrankWhitening:
     """
 
     def __init__(self, motion: CrankSpline, times: FloatArray, slopes: FloatArray) -> None:
-        from scipy.sparse import dia_array, diags_array  # noqa: PLC0415
+        from scipy.sparse import dia_array  # noqa: PLC0415
 
         width, count = motion.factor.shape
         self._root = dia_array((motion.factor, -np.arange(width)), shape=(count, count)).T
-        self._by_states = diags_array(slopes) @ motion.weights(times)[0]
+        diagonal = dia_array((slopes[None], [0]), shape=(len(slopes), len(slopes)))
+        self._by_states = diagonal @ motion.weights(times)[0]
         information = self._root.T @ self._root + self._by_states.T @ self._by_states
         self._factor = banded_factor(information)
 

@@ -292,6 +292,8 @@ def _svg_path(d: str) -> list[complex]:
     points: list[complex] = []
     try:
         parse_path(d, pen)
+    except IndexError:  # of fontTools 4.46
+        raise ValueError('the path of the SVG: Not enough coordinates') from None
     except ValueError as error:
         raise ValueError(f'the path of the SVG: {printable_line(str(error)[:100])}') from None
     for operation, corners in pen.value:

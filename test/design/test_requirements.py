@@ -163,7 +163,7 @@ def test_an_arc_of_an_svg_is_a_circle(tmp_path: Path) -> None:
         ('a.csv', '1,2\n', '1 points'),
         ('a.svg', '<svg/>', 'no path'),
         ('a.svg', '<path d="M0 0 C1 1 2"/>', 'Not enough coordinates'),
-        ('a.svg', '<path d="10 10"/>', 'must start with a moveto'),
+        ('a.svg', '<path d="10 10"/>', 'the path of the SVG'),
         ('a.svg', '<path d="M0 0 \x1b[31m"/>', 'the path of the SVG'),
         ('a.svg', '<path d="M0 0 L1e999 0 1 1"/>', 'not finite'),
         # In time proportional to its length.

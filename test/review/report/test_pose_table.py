@@ -46,7 +46,7 @@ def test_a_frame_has_the_numbers_of_the_csv_file(run: Path, tmp_path: Path) -> N
     import pandas as pd
 
     main([str(run), '--csv', str(tmp_path / 'run.csv')])
-    written = pd.read_csv(tmp_path / 'run.csv')
+    written = pd.read_csv(tmp_path / 'run.csv', float_precision='round_trip')
     frame = pose_frame(review_run(run, rates='f8'))
     assert list(frame)[:3] == ['time [s]', 'log_time [ns]', 'stamp [ns]']
     pd.testing.assert_frame_equal(written.iloc[:, 2:], frame.iloc[:, 3:], check_exact=True)
