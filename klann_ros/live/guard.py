@@ -49,10 +49,9 @@ class Guard:
 
     @property
     def url(self) -> str:
-        """Return the address to open, with the token if it has an effect."""
+        """Return the address to open, with the token, which the runs need in any mode."""
         host = ANY.get(self.host, self.host)
-        url = f'http://{f"[{host}]" if ":" in host else host}:{self.port}/'
-        return url if self.read_only and self.is_local else f'{url}?token={self.token}'
+        return f'http://{f"[{host}]" if ":" in host else host}:{self.port}/?token={self.token}'
 
     def check_host(self, host: str | None) -> None:
         """Refuse a request for another server, by its Host header, with a ForbiddenError."""

@@ -67,11 +67,10 @@ def test_a_read_only_server_drives_with_no_token() -> None:
     assert not Guard('127.0.0.1', 1, 'secret', read_only=True).may_drive('secret')
 
 
-def test_addresses_hold_the_token_where_it_is_needed() -> None:
+def test_addresses_hold_the_token() -> None:
     assert LOCAL.url == 'http://127.0.0.1:8321/?token=secret'
-    assert Guard('127.0.0.1', 1, 'secret', read_only=True).url == 'http://127.0.0.1:1/'
-    # From another machine one cannot look without it.
-    assert 'secret' in Guard('192.0.2.7', 1, 'secret', read_only=True).url
+    # The runs need it.
+    assert Guard('127.0.0.1', 1, 's', read_only=True).url == 'http://127.0.0.1:1/?token=s'
     assert Guard('::1', 1, 's').url.startswith('http://[::1]:1/')
     assert len({new_token() for _ in range(100)}) == 100
 
