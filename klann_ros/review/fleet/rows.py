@@ -223,6 +223,8 @@ def _pyarrow() -> tuple[Any, Any]:
         from pyarrow import parquet  # noqa: PLC0415
     except ImportError as error:
         remedy = install_command('pyarrow', 'parquet')
+        if not isinstance(error, ModuleNotFoundError):  # such as that of another NumPy
+            remedy = printable_line(error)
         raise TableError(f'a .parquet needs pyarrow: {remedy}') from error
     return pa, parquet
 
