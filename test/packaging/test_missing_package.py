@@ -2,6 +2,7 @@
 
 import sys
 
+from klann_ros import executables
 from klann_ros.missing_package import install_command
 import pytest
 
@@ -39,3 +40,23 @@ def test_it_is_apts_where_ros_is_sourced_and_pips_elsewhere(
     for name, setting in variables.items():
         monkeypatch.setenv(name, setting)
     assert install_command(*package) == command
+
+
+@pytest.mark.parametrize(
+    ('program', 'module', 'extra'),
+    [('design', 'scipy.optimize', 'design'), ('export', 'ezdxf', 'dxf')],
+)
+def test_a_program_names_the_extra_with_the_package_that_is_missing(
+    program: str,
+    module: str,
+    extra: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.delenv('ROS_DISTRO', raising=False)
+    executables._report_missing(program, ModuleNotFoundError(name=module))
+    missing = f'there is no Python module {module.partition(".")[0]} here'
+    assert capsys.readouterr().err == f"{program}: {missing}: pip install 'klann_ros[{extra}]'\n"
+    # Its own modules are never missing: that is a fault with a traceback.
+    with pytest.raises(ModuleNotFoundError):
+        executables._report_missing(program, ModuleNotFoundError(name='klann_ros.nothing'))
