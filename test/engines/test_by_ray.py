@@ -1,7 +1,6 @@
 """What Ray's workers answer is what those of this machine do; it is started once for all tests."""
 
 from collections.abc import Iterator
-from importlib.util import find_spec
 from itertools import count
 import os
 from pathlib import Path
@@ -15,15 +14,13 @@ from klann_ros.review.fleet.command import main as review_fleet
 from leg_runs import LegRun
 import pytest
 
-# To import it here would cost every worker a second.
-if find_spec('ray') is None:
-    pytest.skip('no ray: pip install ray', allow_module_level=True)
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope='module', autouse=True)
 def started() -> Iterator[None]:
     """Have a Ray of our own as long as somebody waits for its answers."""
+    pytest.importorskip('ray')
     answers: Any = parallel_map(squared, count(), engine='ray', jobs=2)
     assert next(answers) in ((0, 0), (1, 1))
     yield
