@@ -11,6 +11,7 @@ are those of klann.urdf.xacro. With `loops_urdf` joints are pins and sliders, an
 """
 
 from cmath import phase, rect
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, indent, SubElement, tostring
 
@@ -47,7 +48,6 @@ def urdf(
     frame_id: str = 'leg_plane',
     frame_prefix: str = '',
     joint_separator: str = '_',
-    loops: Loops | None = None,
 ) -> str:
     """
     Return a robot as URDF, its legs moved by joint_states.
@@ -62,8 +62,6 @@ def urdf(
         Prefix of every frame but `base_frame`.
     joint_separator : str
         Separator between the names of a leg and its joint, as in solver_node's parameter.
-    loops : Loops, optional
-        The closures that `loops_urdf` writes, to be filled.
 
     Raises
     ------
@@ -73,25 +71,12 @@ def urdf(
         A linkage reaches no angle.
 
     """
+    root = _robot_element(robot, base_frame)
     joints = {*robot.joint_names(joint_separator)}
-    root = Element('robot', name=printable(robot.name))
-    materials = dict(LINK_COLOURS)
-    for leg in robot.legs:
-        for j in range(len(leg.linkage.structure.bodies)):
-            red, green, blue = (byte / 255 for byte in bytes.fromhex(colour_of(j)[1:]))
-            materials[f'klann_{j}'] = f'{red:.3f} {green:.3f} {blue:.3f} 1'
-    for name, colour in materials.items():
-        SubElement(SubElement(root, 'material', name=name), 'color', rgba=colour)
-    SubElement(root, 'link', name=base_frame)
     for leg in robot.legs:
         writer = _LegWriter(root, leg, frame_prefix + leg.prefix, joint_separator, joints)
-        if loops is not None:
-            crank = leg.crank_angles(start_angle(robot.on_joint(leg.crank_joint)))
-            writer.pose = LinkageLeg(leg.linkage).closed_form(float(crank))
-            writer.loops = loops
         writer.write(base_frame, frame_id)
-    indent(root)
-    return URDF_HEADER + tostring(root, encoding='unicode') + '\n'
+    return _text(root)
 
 
 def loops_urdf(robot: Robot, joint_separator: str) -> dict[str, bytes]:
@@ -101,17 +86,54 @@ def loops_urdf(robot: Robot, joint_separator: str) -> dict[str, bytes]:
     At joint zero a crank is at position 0, or at one that closes all its legs, which mimic the
     first. Points and axes of closures are in `base_link`, as scikit-robot reads them.
     """
+    root = _robot_element(robot, 'base_link')
+    joints = {*robot.joint_names(joint_separator)}
     loops: Loops = {'closures': {}, 'dependent': {}, 'independent': {}}
-    model = urdf(robot, joint_separator=joint_separator, loops=loops)
+    for leg in robot.legs:
+        crank = leg.crank_angles(start_angle(robot.on_joint(leg.crank_joint)))
+        pose = LinkageLeg(leg.linkage).closed_form(float(crank))
+        writer = _LegWriter(root, leg, leg.prefix, joint_separator, joints, pose, loops)
+        writer.write('base_link', 'leg_plane')
     sidecar = dump({key: [*named.values()] for key, named in loops.items()}, flow_style=None)
-    return {'robot.urdf': model.encode(), 'loop_closures.yaml': f'{sidecar}\n'.encode()}
+    return {'robot.urdf': _text(root).encode(), 'loop_closures.yaml': f'{sidecar}\n'.encode()}
+
+
+def _robot_element(robot: Robot, base_frame: str) -> Element:
+    """Return a robot's element with its materials and the link of its body."""
+    root = Element('robot', name=printable(robot.name))
+    materials = dict(LINK_COLOURS)
+    for leg in robot.legs:
+        for j in range(len(leg.linkage.structure.bodies)):
+            red, green, blue = (byte / 255 for byte in bytes.fromhex(colour_of(j)[1:]))
+            materials[f'klann_{j}'] = f'{red:.3f} {green:.3f} {blue:.3f} 1'
+    for name, colour in materials.items():
+        SubElement(SubElement(root, 'material', name=name), 'color', rgba=colour)
+    SubElement(root, 'link', name=base_frame)
+    return root
+
+
+def _text(root: Element) -> str:
+    indent(root)
+    return URDF_HEADER + tostring(root, encoding='unicode') + '\n'
 
 
 class _LegWriter:
-    """Writes the links and joints of one leg."""
+    """
+    Writes the links and joints of one leg.
 
-    def __init__(
-        self, root: Element, leg: RobotLeg, prefix: str, separator: str, joints: set[str]
+    With the pose at joint zero its joints are pins and sliders, and it adds its closures to
+    `loops`; else they are the published angles.
+    """
+
+    def __init__(  # noqa: PLR0917 - what the legs of a robot share, and what they do not
+        self,
+        root: Element,
+        leg: RobotLeg,
+        prefix: str,
+        separator: str,
+        joints: set[str],
+        pose: LinkagePose | None = None,
+        loops: Loops | None = None,
     ) -> None:
         self._root = root
         self._leg = leg
@@ -131,8 +153,8 @@ class _LegWriter:
         # Names of joints of all legs: a fixed joint must not have the name of a published one.
         self._joints = joints
         self._frames: set[str] = set()
-        self.pose: LinkagePose | None = None  # at joint zero, if the joints are the pins
-        self.loops: Loops = {}
+        self._pose = pose
+        self._loops: Loops = loops or {}
 
     def write(self, base_frame: str, frame_id: str) -> None:
         """Write the leg, from its mount on."""
@@ -153,15 +175,21 @@ class _LegWriter:
         carried = self._points[structure.first_owner(structure.foot), structure.foot]
         self._fixed('foot', carried, foot, 0.0)
         self._sphere(self._link(foot), 0j, 0, 1.5)
-        if self.pose:
-            places = mount.transform(self.pose.points).tolist()
-            for point, *bodies in spanning_tree(self._linkage)[1]:
-                closure: dict[str, Any] = {'name': self._new_joint(point)}
-                links = (self._points[j, point].link for j in bodies)
-                closure['link_a'], closure['link_b'] = links
-                closure['point'] = places[structure.points.index(point)]
-                closure['axis'] = mount.rotation[:, 2].tolist()
-                self.loops['closures'][closure['name']] = closure
+        if self._pose:
+            self._close_loops(mount.transform(self._pose.points).tolist())
+
+    def _close_loops(self, places: Sequence[Sequence[float]]) -> None:
+        """Add the pins that no joint is at, by the places of all points in the base frame [m]."""
+        for point, *bodies in spanning_tree(self._linkage)[1]:
+            name = self._new_joint(point)
+            link_a, link_b = (self._points[j, point].link for j in bodies)
+            self._loops['closures'][name] = {
+                'name': name,
+                'link_a': link_a,
+                'link_b': link_b,
+                'point': places[self._structure.points.index(point)],
+                'axis': self._leg.mount.rotation[:, 2].tolist(),
+            }
 
     def _rotating(self, j: int, owner: int, point: str) -> None:
         """Add the joint of a body that turns about a point, and its bars."""
@@ -170,8 +198,8 @@ class _LegWriter:
         on = self._points[owner, point]
         sense = body.sense
         frame = FIXED if owner == FIXED else self._structure.frames[owner]
-        if self.pose:
-            directions = (*self.pose.vectors, 1.0)  # FIXED is the last
+        if self._pose:
+            directions = (*self._pose.vectors, 1.0)  # FIXED is the last
             on = on._replace(bend=on.bend - phase(directions[j] / directions[frame]))
             sense *= 1 if j else self._leg.direction
         elif frame != FIXED:
@@ -207,7 +235,7 @@ class _LegWriter:
     def _sliding(self, j: int, line: Bar, on: Place, stroke: tuple[float, float]) -> None:
         body = self._structure.bodies[j]
         direction = complex(self._linkage.bars[self._structure.line_of[j]])
-        start = self.pose.joints[j] if self.pose else 0.0
+        start = self._pose.joints[j] if self._pose else 0.0
         on = on._replace(at=on.at + start * direction * rect(1.0, -on.bend))
         low, high = (end - start for end in stroke)
         link = self._new_frame(body.angle.lower())
@@ -263,13 +291,13 @@ class _LegWriter:
     def _moving(self, j: int, pin: str, on: Place, child: str, axis: Triple) -> Element:
         body = self._structure.bodies[j]
         kind = 'prismatic' if body.slides else 'continuous'
-        if not self.pose:
+        if not self._pose:
             name = self._leg.joint_name(body.angle, self._separator)
             return self._moving_joint(name, kind, on, child, axis)
         name = self._new_joint(pin)
         joint = self._moving_joint(name, kind, on, child, axis)
         group, key = ('dependent', name) if j else ('independent', self._leg.crank_joint)
-        if (driver := self.loops[group].setdefault(key, name)) != name:
+        if (driver := self._loops[group].setdefault(key, name)) != name:
             SubElement(joint, 'mimic', joint=driver)
         return joint
 

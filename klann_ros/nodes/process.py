@@ -9,7 +9,7 @@ from importlib import import_module
 import inspect
 from itertools import chain, islice, pairwise
 import sys
-from types import SimpleNamespace
+from types import FrameType, SimpleNamespace
 from typing import Any, Protocol
 
 from klann_ros.sanitize import yaml_text
@@ -193,8 +193,12 @@ def _shorten_start() -> None:
     # The first line of a log would read the sources of all modules, for the lines around its call.
     logger_module = sys.modules.get('rclpy.impl.rcutils_logger')
     if getattr(logger_module, 'inspect', None) is inspect:
-        names = {**vars(inspect), 'getframeinfo': partial(inspect.getframeinfo, context=0)}
+        names = {**vars(inspect), 'getframeinfo': _frame_without_source}
         logger_module.inspect = SimpleNamespace(**names)  # type: ignore[union-attr]
+
+
+def _frame_without_source(frame: FrameType, context: int = 0) -> inspect.Traceback:
+    return inspect.getframeinfo(frame, context)
 
 
 def _init_ros(ros_arguments: Sequence[str]) -> None:
