@@ -65,7 +65,7 @@ def recorded_run(module_ros: Domain) -> Path:
     """Return a run that the three nodes made; the tests only read it."""
     folder = module_ros.folder / 'run'
     recorder = record(module_ros, folder)
-    assert f'messages of 7 topics are in {folder}; 0 were lost' in recorder.errors
+    assert f'messages of 7 topics are in {folder}; at least 0 were lost' in recorder.errors
     return folder
 
 
