@@ -38,7 +38,7 @@ def warn_of_degrees(name: str, angles: Iterable[float]) -> None:
     """Warn of angles [rad] that are whole numbers, and one of them beyond a turn."""
     numbers = [float(angle) for angle in angles]
     if any(abs(number) > tau for number in numbers) and all(map(float.is_integer, numbers)):
-        advice = 'with klann_ros.kinematics.deg, 60 degrees are 60 * deg'
+        advice = 'in Python with klann_ros.kinematics.deg, 60 degrees are 60 * deg'
         _warn(f'{name} beyond 2 pi, in whole numbers, is read in rad: {advice}')
 
 
