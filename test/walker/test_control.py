@@ -122,6 +122,8 @@ def test_a_walker_that_is_inactive_is_not_paused(steering: Steering) -> None:
     bench.run(2.0)
     assert bench.rates == [0.0, 0.0]
     bench.control.interlocks.is_active = True
+    # It accelerates from standstill.
+    assert bench.run(0.03).max_rate < 0.3
     bench.run(3.0)
     assert bench.rates == pytest.approx([0.15 / steering.speed] * 2, 0.1)
     assert bench.control.loop.pauses == 0
@@ -199,6 +201,11 @@ def test_a_curve_that_is_too_fast_stays_the_same_curve(steering: Steering) -> No
 def test_speed_changes_no_faster_than_it_may(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0], limits=MotionLimits(max_linear_acceleration=0.1))
     assert bench.run(0.5).control.motion.linear == pytest.approx(0.05, abs=0.003)
+    # New limits are those of the stop that is under way.
+    bench.twist = (0.0, 0.0)
+    assert bench.run(0.1).control.motion.linear == pytest.approx(0.04, abs=0.003)
+    bench.control.configure(ControllerSettings(limits=MotionLimits(max_linear_acceleration=1.0)))
+    assert bench.run(0.1).rates == [0.0, 0.0]
     limits = MotionLimits(max_linear_acceleration=0.1, max_angular_acceleration=0.2)
     # The slower one holds both on the same curve.
     for commanded, motion in (
@@ -546,6 +553,10 @@ def test_a_command_that_is_old_or_waited_during_a_pause_is_late(steering: Steeri
     refusal = bench.control.command(0.1, 0.0, bench.now, transport_age=sent_before)
     assert 'waited' in refusal.text
     assert bench.run(0.5).max_rate == 0.0
+    # One that is accepted has its age all the same.
+    bench.now += 5.0
+    assert bench.control.command(0.1, 0.0, bench.now, transport_age=sent_before - 4.5) is None
+    assert bench.control.commands.is_old(bench.now + 0.2, 0.5)
 
 
 def test_only_what_was_sent_before_the_end_of_a_pause_waited() -> None:
@@ -741,6 +752,10 @@ def test_an_offset_has_its_size_where_readings_are_lost_while_the_crank_accelera
 def test_time_that_goes_back_begins_anew(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(2.0)
     bench.now = 0.0
+    # The last command was of another time.
+    bench.commands = False
+    assert bench.run(0.3).max_rate == 0.0
+    bench.commands = True
     assert bench.run(2.0).verdict == (DiagnosticLevel.OK, 'walking')
     watchdog = Watchdog()
     watchdog.feed(1000.0)
