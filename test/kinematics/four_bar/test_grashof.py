@@ -25,9 +25,14 @@ def test_each_kind_has_its_name(kind: dict[str, Any]) -> None:
     assert grashof.inversions['ground'] == grashof
 
 
+def is_decided(bar: FourBar) -> bool:
+    return abs(bar.grashof.margin) > 1e-9
+
+
 @pytest.mark.slow
 @settings(max_examples=30)
 @given(bar=four_bars())
+@example(FourBar(2, 6, 3, 5))
 @example(FourBar(3, 1, 3, 1))
 @example(FourBar(1, 3, 1, 3))
 @example(FourBar(1, 1, 3, 3))
@@ -51,7 +56,8 @@ def test_the_roles_in_every_inversion_match_the_motion(bar: FourBar) -> None:
     gaps = np.diff(np.sort(lengths)) / longest
     assume(margin > 0.0 or ((gaps == 0.0) | (gaps > 0.01)).all())
     nearby = (FourBar(*(lengths * (1.0 + np.array(change))).tolist()) for change in changes)
-    turning = set().union(*map(turning_links, nearby))
+    # Some changes leave it at a change point, where rounding decides how a table goes on.
+    turning = set().union(*(turning_links(other) for other in nearby if is_decided(other)))
     for fixed, kind in bar.grashof.inversions.items():
         for name in NAMES:
             role = 'rotates' if (fixed, name) in turning else 'oscillates'
