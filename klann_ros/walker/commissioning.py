@@ -140,7 +140,7 @@ class Commissioning:
         self.aborted = ''
         was_closed = True
         while not self.aborted:
-            before, after = self._encoders[joint][-2:]
+            before, after = (2 * self._encoders[joint][-2:])[-2:]
             if is_closed() and not was_closed:
                 edge = (before.position + after.position) / 2.0
                 self._take_zero(joint, edge)

@@ -124,6 +124,13 @@ def test_a_crank_is_taken_over_at_its_present_angle() -> None:
     assert drive.advance(15.0) == 7.0
     drive.turn_to(0.5, 16.0)
     assert drive.advance(20.0) == 0.5
+    # What another page commanded ends where this one takes it.
+    drive.spin(3.0, 20.0)
+    drive.take(2, 21.0, 1.0)
+    assert drive.advance(22.0) == 1.0
+    walk = WalkDrive(forward=0.2, turn=0.1)
+    walk.take(2, 21.0)
+    assert (walk.forward, walk.turn) == (0.0, 0.0)
     for refused in (float('nan'), 1e7):
         with pytest.raises(DriveError):
             drive.turn_to(refused, 21.0)

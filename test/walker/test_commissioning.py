@@ -267,6 +267,20 @@ def test_a_switch_that_never_closes_ends_the_homing_after_a_turn() -> None:
     assert 2.0 * pi < plant.angles['left_crank'] < 2.3 * pi
 
 
+@pytest.mark.parametrize('readings', [0, 100])
+def test_silence_stops_the_homing(readings: int) -> None:
+    plant = Plant('', None)
+    plant.run()
+    commissioning = plant.commissioning
+    for count, rates in enumerate(commissioning.home('left_crank', lambda: False)):
+        if count < readings:
+            plant.tick({joint: rates.get(joint, 0.0) for joint in JOINTS})
+        commissioning.now += DT
+        assert count < 300
+    assert not rates
+    assert commissioning.problem == 'repair first: left_crank'
+
+
 def test_the_angles_before_the_turns_may_be_the_zeros() -> None:
     plant = Plant('left_crank_zero=0.4, right_crank_gear_ratio=2', None)
     plant.angles['right_crank'] = 0.3
