@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 import json
 import signal
+from time import sleep
 from typing import Any
 
 import aiohttp
@@ -205,21 +206,48 @@ def yields(ros: Domain, topic: str, messages: list[Any]) -> None:
     ros.probe.until(lambda: messages)
 
 
-def test_only_the_owner_of_a_drive_moves_it(ros: Domain) -> None:
+def test_only_the_owner_of_a_drive_moves_it_and_only_while_it_is_there(ros: Domain) -> None:
     answers: list[tuple[bool, str]] = []
     probe = ros.probe
     angles = probe.listen(Float64, 'crank_angle')
+    velocities = probe.listen(TwistStamped, 'cmd_vel')
     put = ServiceCalls(probe.node).put
     drives = Drives(probe.node, put, lambda: None, lambda _: 0.5, lambda _: None)
-    drives.offer([Offer('crank', '/crank_angle', ('/crank_angle',), (), ())])
+    topics = {'crank': '/crank_angle', 'walk': '/cmd_vel'}
+    drives.offer([Offer(kind, topic, (topic,), (), ()) for kind, topic in topics.items()])
 
-    def command(page: int, do: str, value: float = 0.0) -> tuple[bool, str]:
-        drives.command(page, Command(1, do, CRANK, value), lambda *answer: answers.append(answer))
+    def command(page: int, do: str, value: float = 0.0, target: str = CRANK) -> tuple[bool, str]:
+        command = Command(1, do, target, value)
+        drives.command(page, command, lambda *answer: answers.append(answer))
         return answers[-1]
 
     def is_driving() -> bool:
         drives.keep_alive(1)
         return bool(angles)
+
+    def walks() -> bool:
+        drives.keep_alive(1)
+        command(1, 'take', target=WALK)
+        command(1, 'walk', 0.2, WALK)
+        return bool(velocities and velocities[-1].twist.linear.x)
+
+    def stall() -> None:
+        """Stop its thread, but not the page."""
+        with drives._lock:
+            for _ in range(12):
+                drives.keep_alive(1)
+                sleep(0.05)
+
+    def stop_reason(action: Callable[[], object]) -> str:
+        probe.until(walks)
+        action()
+        probe.until(lambda: not velocities[-1].twist.linear.x)
+        return str(drives.state()[1]['reason'])
+
+    def is_refused() -> bool:
+        other.announce()
+        is_taken = drives.state()[1]['reason'] == '/probe drives /cmd_vel'
+        return is_taken or not command(1, 'take', target=WALK)[0]
 
     try:
         assert not command(1, 'turn', 1.0)[0]
@@ -231,5 +259,16 @@ def test_only_the_owner_of_a_drive_moves_it(ros: Domain) -> None:
         assert command(1, 'turn', 0.75)[0]
         probe.until(lambda: is_driving() and angles[-1].data == 0.75)
         assert angles[0].data == 0.5
+        other = Lease(probe.node, '/cmd_vel')
+        probe.until(lambda: other.announce() and drives.state()[1]['elsewhere'])
+        probe.until(is_refused)
+        other.close()
+        for reason, action in (
+            ('the page fell silent', lambda: None),
+            ('the page was closed', lambda: drives.disconnected(1)),
+            ('view_node was stopped', stall),
+        ):
+            # On a busy machine the page may fall silent first.
+            assert any(reason in stop_reason(action) for _ in range(5)), reason
     finally:
         drives.close()
