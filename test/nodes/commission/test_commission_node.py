@@ -53,13 +53,14 @@ def test_wrong_wiring_is_named_and_written(
     robot(ros, 'left_crank_reversed, right_crank_gear_ratio=-2, left_crank_zero=0.4', **types)
     commands = Commands(ros)
     options = ('--yes', '--backwards', 'left_crank', '--zero', '-o', 'cranks.yaml')
-    process = ros.start('commission_node', *options, *SIMULATED, **types)
+    process = ros.start('commission_node', *options, *SIMULATED, max_angle=0.3, **types)
     commands.until_turning()
     assert process.wait() == 0, process.output
     commands.until_zero()
     assert 'left_crank: wrong sign: its motor leads are exchanged\n' in process.output
     assert 'right_crank: wrong sign: its encoder counts backwards\n' in process.output
     assert 'right_crank: gear ratio: its encoder turns ' in process.output
+    assert 'ended early: an encoder turned by more than 17 deg' in process.output
     text = (tmp_path / 'cranks.yaml').read_text()
     parameters = {**solver_parameters(yaml.safe_load(Path(TWO_MOTORS).read_text()))}
     written = yaml.safe_load(text)['/**']['ros__parameters']
@@ -124,13 +125,14 @@ def test_without_a_terminal_it_turns_nothing_unasked(ros: Domain) -> None:
     assert '--yes turns the cranks without a question' in process.errors
 
 
-def test_it_refuses_to_drive_beside_another_node(ros: Domain) -> None:
-    robot(ros, 'imu_missing')
-    ros.probe.node.create_publisher(JointState, 'crank_command', 10)
+@pytest.mark.parametrize(
+    ('name', 'words'), [('other', '/other'), ('commission_node', 'another node of this name')]
+)
+def test_it_refuses_to_drive_beside_another_node(ros: Domain, name: str, words: str) -> None:
+    ros.probe.add_node(name).create_publisher(JointState, 'crank_command', 10)
     process = ros.start('commission_node', '--yes', *FILE)
     assert process.wait() == 1
-    name = ros.probe.node.get_fully_qualified_name()
-    assert f'commission_node: {name} publishes /crank_command: end it first' in process.output
+    assert f'commission_node: {words} publishes /crank_command: end it first' in process.output
 
 
 def test_an_unknown_joint_is_refused(ros: Domain) -> None:
