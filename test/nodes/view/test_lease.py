@@ -232,7 +232,6 @@ def test_only_the_owner_of_a_drive_moves_it_and_only_while_it_is_there(ros: Doma
         return bool(velocities and velocities[-1].twist.linear.x)
 
     def stall() -> None:
-        """Stop its thread, but not the page."""
         with drives._lock:
             for _ in range(12):
                 drives.keep_alive(1)
@@ -270,5 +269,7 @@ def test_only_the_owner_of_a_drive_moves_it_and_only_while_it_is_there(ros: Doma
         ):
             # On a busy machine the page may fall silent first.
             assert any(reason in stop_reason(action) for _ in range(5)), reason
+        probe.until(walks)
     finally:
         drives.close()
+    probe.until(lambda: not velocities[-1].twist.linear.x)
