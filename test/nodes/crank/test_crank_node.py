@@ -1,5 +1,8 @@
 """`crank_node`: the n-th angle is a function of n / rate alone."""
 
+from itertools import pairwise
+from signal import SIGCONT, SIGSTOP
+
 from klann_ros.nodes.crank.motion import CrankMotion
 import pytest
 from ros_domain import Domain
@@ -31,7 +34,7 @@ def test_every_mode_publishes_its_angles_and_ends(ros: Domain) -> None:
         assert [angle.data for angle in angles[mode]] == expected, mode
 
 
-def test_a_state_has_stamp_name_and_rate(ros: Domain) -> None:
+def test_a_state_has_stamp_name_and_rate_also_after_a_stop(ros: Domain) -> None:
     states = ros.probe.listen(JointState, 'crank_state')
     crank = ros.start(
         'crank_node',
@@ -43,13 +46,20 @@ def test_a_state_has_stamp_name_and_rate(ros: Domain) -> None:
         min_subscribers=1,
     )
     motion = CrankMotion(mode='sine')
+    ros.probe.until(lambda: len(states) >= 10)
+    crank.popen.send_signal(SIGSTOP)
+    ros.probe.spin(0.8)
+    crank.popen.send_signal(SIGCONT)
     ros.probe.until(lambda: len(states) >= 101)
     assert crank.wait() == 0
     stamps = [s.header.stamp.sec * 10**9 + s.header.stamp.nanosec for s in states]
     for n, state in enumerate(states):
         assert list(state.name) == ['axle']
         assert (state.position[0], state.velocity[0]) == motion.at(n / 100.0)
-        assert stamps[n] - stamps[0] == pytest.approx(n * 10**7, abs=2)
+    # It goes on where it was stopped, without a burst.
+    *steps, pause = sorted(late - early for early, late in pairwise(stamps))
+    assert steps == pytest.approx([10**7] * 99, abs=2)
+    assert pause > 5 * 10**8
 
 
 def test_it_waits_for_its_subscribers(ros: Domain) -> None:
