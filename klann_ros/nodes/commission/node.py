@@ -132,6 +132,10 @@ class CommissionNode(ProcessNode):
         self._permission.close()
         return 0 if self._is_complete else 1
 
+    def on_callback_error(self) -> None:
+        """Stop the cranks: the failed step would count as the last one."""
+        self._end('it failed, as its log says: nothing is written')
+
     def _procedure(self, robot: Robot, options: argparse.Namespace) -> Iterator[Rates]:
         """Subscribe to the home switches, and return the steps of all turns."""
         is_closed = dict.fromkeys(self._joints if options.home else (), False)

@@ -75,6 +75,19 @@ def test_wrong_wiring_is_named_and_written(
     assert (tmp_path / 'cranks.yaml').read_text() == text
 
 
+def test_a_failed_step_is_no_end_of_the_last_one(ros: Domain, tmp_path: Path) -> None:
+    robot(ros, 'left_crank_zero=0.4')
+    commands = Commands(ros)
+    script = str(Path(__file__).with_name('failing_commission.py'))
+    process = ros.start('python', script, '--yes', '-o', 'cranks.yaml', *SIMULATED, angle=0.05)
+    commands.until_turning()
+    assert process.wait() == 1
+    commands.until_zero()
+    assert 'RuntimeError: on purpose' in process.errors
+    assert 'commission_node: it failed, as its log says: nothing is written\n' in process.output
+    assert not (tmp_path / 'cranks.yaml').exists()
+
+
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_stops_the_cranks(ros: Domain, number: signal.Signals) -> None:
     robot(ros, 'imu_missing')
