@@ -181,6 +181,9 @@ class CommissionNode(ProcessNode):
         self._commissioning.imu((force.x, force.y, force.z), (rates.x, rates.y, rates.z))
 
     def _on_timer(self) -> None:
+        # The executor may end a little later.
+        if self._is_complete:
+            return
         self._types.check()
         now = self._commissioning.now = self._clock.now()
         problem = self._problem(now)
