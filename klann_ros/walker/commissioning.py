@@ -140,7 +140,8 @@ class Commissioning:
         self.aborted = ''
         was_closed = True
         while not self.aborted:
-            before, after = (2 * self._encoders[joint][-2:])[-2:]
+            after = self._encoders[joint][-1]
+            before = self._encoders[joint][-2:][0]  # the same while it is the only one
             if is_closed() and not was_closed:
                 edge = (before.position + after.position) / 2.0
                 self._take_zero(joint, edge)
