@@ -20,7 +20,7 @@ from math import cos, degrees, radians, sin
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import Linkage, linkage_poses, wrapped
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, plane_vectors
 import numpy as np
 
 from .measurements import MeasuredSeries
@@ -266,5 +266,5 @@ class MeasurementModel:
         start[camera_indices] = shift.real, shift.imag, np.angle(rotation)
         for n in filmed:
             points = values[n] @ (1.0, 1j) * rotation + shift
-            seen[n] = np.stack([points.real, points.imag], axis=-1)
+            seen[n] = plane_vectors(points)
         return start, seen

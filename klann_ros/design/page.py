@@ -9,7 +9,7 @@ from typing import Any
 
 from klann_ros.export import ExportError, scene_parts
 from klann_ros.kinematics import foot_path, linkage_poses, LinkageLeg
-from klann_ros.kinematics.arrays import plane
+from klann_ros.kinematics.arrays import plane_vectors
 from klann_ros.robot import robot_from_text
 from klann_ros.sanitize.text import counted, finite
 from klann_ros.web import element, FRAME, leg_shape, Markup, Parts, SHARED
@@ -67,7 +67,7 @@ def page(search_result: SearchResult, leg_names: Sequence[str]) -> str:
         'aimCount': len(requirements.aims),
         'speed': requirements.speed,
         'legs': legs,
-        'target': target and plane(target.points).tolist(),
+        'target': target and plane_vectors(target.points).tolist(),
     }
     parts = PAGE_PARTS if requirements.walker is None else WALKER_PARTS
     return parts.page(

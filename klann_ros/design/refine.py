@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from klann_ros.kinematics import GeometryError, Linkage, linkage_poses, moved_numbers, Variants
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import AnyArray, ComplexArray, FloatArray, plane
+from klann_ros.kinematics.arrays import AnyArray, ComplexArray, FloatArray, plane_vectors
 import numpy as np
 
 from .evolve import Scores, variant_scores
@@ -135,7 +135,7 @@ def point_error(target: Target, linkage: Linkage) -> float:
     turn: Any = linkage_poses(linkage, crank_angles(NEAREST_ANGLES), velocities=True)
     if turn.reason.any():
         return float('inf')
-    nearest = KDTree(turn.h).query(plane(target.points))[1]
+    nearest = KDTree(turn.h).query(plane_vectors(target.points))[1]
     rates = turn.h_1[nearest] @ (1.0, 1j)
     gap = target.points - turn.h[nearest] @ (1.0, 1j)
     # The distance from the tangent there.

@@ -13,7 +13,7 @@ from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from klann_ros.kinematics import colour_of
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, plane_vectors
 from klann_ros.missing_package import install_command
 import numpy as np
 
@@ -61,8 +61,8 @@ def solid(part: Part, tolerance: float = PRINT_TOLERANCE) -> Any:
     def section(curves: Iterable[Outline]) -> Any:
         polygons = []
         for curve in curves:
-            points = MM * np.array([*polyline(curve, tolerance)])
-            polygons.append(np.column_stack([points.real, points.imag]))
+            points = np.array([*polyline(curve, tolerance)], dtype=np.complex128)
+            polygons.append(MM * plane_vectors(points))
         return manifold.CrossSection(polygons)
 
     prisms = []

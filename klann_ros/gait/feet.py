@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from klann_ros.dynamics import body_motion
 from klann_ros.kinematics import periodic_cubics, turns_fully
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import FloatArray, plane
+from klann_ros.kinematics.arrays import FloatArray, plane_vectors
 from klann_ros.robot import Robot, RobotLeg, WalkerBody
 import numpy as np
 from numpy.typing import ArrayLike
@@ -209,7 +209,7 @@ def _columns(leg: RobotLeg, radius: float) -> FloatArray:
     step = TURN / CUBIC_SAMPLES
     moving = body_motion(leg.linkage, np.arange(CUBIC_SAMPLES) * step)
     structure = leg.linkage.structure
-    foot = leg.mount.transform(plane(moving.point(structure.foot)[0]))
+    foot = leg.mount.transform(plane_vectors(moving.point(structure.foot)[0]))
     foot[:, 2] -= radius
     rate = moving.rotation_1[structure.first_owner(structure.foot)]
     rotation = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2.0 * step)])
@@ -222,4 +222,4 @@ def _columns(leg: RobotLeg, radius: float) -> FloatArray:
     total = sum(body.mass for body in bodies) or 1.0
     for j, body in enumerate(bodies):
         centre += body.mass / total * moving.fixed_to(j, body.centre)[0]
-    return np.concatenate([foot, rolled, leg.mount.transform(plane(centre))], axis=1)
+    return np.concatenate([foot, rolled, leg.mount.transform(plane_vectors(centre))], axis=1)

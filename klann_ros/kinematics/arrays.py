@@ -17,9 +17,15 @@ IntArray: TypeAlias = NDArray[np.int64]
 Record = TypeVar('Record', bound=type)
 
 
-def plane(vectors: ComplexArray) -> FloatArray:
+def plane_vectors(vectors: ComplexArray) -> FloatArray:
     """Return complex numbers as vectors (x, y), shape (..., 2)."""
     return np.stack([vectors.real, vectors.imag], axis=-1)
+
+
+def real_rows(equations: ComplexArray) -> FloatArray:
+    """Return complex equations as real ones: of each its x, then its y."""
+    planes = np.stack([equations.real, equations.imag], axis=1)
+    return planes.reshape(-1, *equations.shape[1:])
 
 
 class _ArrayRepr(Repr):

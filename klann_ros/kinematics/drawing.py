@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import atan2, cos, radians, sin, tau
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics.arrays import FloatArray, plane, with_short_repr
+from klann_ros.kinematics.arrays import FloatArray, plane_vectors, with_short_repr
 import numpy as np
 
 # Colours of the bodies, repeated; in a Klann leg they are crank, coupler, both rockers and leg.
@@ -118,7 +118,7 @@ class PoseDrawing(NamedTuple):
         first, last = sorted(points, key=lambda point: (point * direction.conjugate()).real)
         extension = LINE_EXTENSION * self.size * direction
         ends = np.array([first - extension, last + extension])
-        return plane(ends)
+        return plane_vectors(ends)
 
     def free_side(self, name: str) -> tuple[float, float]:
         """Return the direction at a point farthest from its bars and its support."""

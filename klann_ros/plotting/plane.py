@@ -18,7 +18,7 @@ from klann_ros.kinematics import (
     validation,
 )
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, plane_vectors
 from klann_ros.missing_package import install_command
 import numpy as np
 
@@ -122,7 +122,7 @@ def _block(direction: complex) -> Any:
     from matplotlib.path import Path  # noqa: PLC0415 - matplotlib is optional
 
     corners = np.array([-1 - 0.55j, 1 - 0.55j, 1 + 0.55j, -1 + 0.55j, -1 - 0.55j]) * direction
-    return Path(np.column_stack([corners.real, corners.imag]), closed=True)
+    return Path(plane_vectors(corners), closed=True)
 
 
 def _support() -> Any:

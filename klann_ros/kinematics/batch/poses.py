@@ -5,7 +5,7 @@ from math import prod
 from typing import Any, TypeAlias
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import AnyArray, FloatArray
+from klann_ros.kinematics.arrays import AnyArray, FloatArray, plane_vectors
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.linkage.variants import Variants
@@ -276,7 +276,7 @@ def feet(leg: Any, angles: FloatArray, u: joints.Vectors | None = None) -> Float
     with np.errstate(invalid='ignore', over='ignore'):
         start = np.full(len(angles), constant, dtype=np.complex128)
         h = joints.vector_sum(terms, u, start)
-    return np.column_stack([h.real, h.imag])
+    return plane_vectors(h)
 
 
 def differences(leg: Any, x: FloatArray, y: FloatArray) -> FloatArray:

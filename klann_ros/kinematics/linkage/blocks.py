@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
-from klann_ros.kinematics.arrays import ComplexArray, FloatArray
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray, real_rows
 from klann_ros.kinematics.errors import UnreachableError
 import numpy as np
 
@@ -256,8 +256,8 @@ class Block:
 
 def solve_openings(matrix: FloatArray, opened: ComplexArray) -> FloatArray:
     """Return the changes, shape (2 k, ...), that undo the openings of k loops by their Phi."""
-    right: Any = np.stack([opened.real, opened.imag], axis=1).reshape(-1, *opened.shape[1:])
-    solution: Any = np.linalg.solve(matrix, -np.moveaxis(right, 0, -1)[..., None])
+    right = np.moveaxis(real_rows(opened), 0, -1)
+    solution: Any = np.linalg.solve(matrix, -right[..., None])
     changes: FloatArray = np.moveaxis(solution[..., 0], -1, 0)
     return changes
 

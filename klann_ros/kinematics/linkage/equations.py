@@ -12,7 +12,7 @@ from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN, wrap
-from klann_ros.kinematics.arrays import ComplexArray, FloatArray, plane
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray, plane_vectors, real_rows
 from klann_ros.kinematics.errors import GeometryError
 import numpy as np
 
@@ -271,7 +271,7 @@ class LoopEquations:
     def points(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """Return the points, shape (p, 2), in the order of the structure's [m]."""
         q_u, q = self.point_equations
-        return plane(q_u @ self.vectors(alpha, x) + q)
+        return plane_vectors(q_u @ self.vectors(alpha, x) + q)
 
     def vectors(self, alpha: Any, x: Any) -> ComplexArray:
         """Return u_j of every body, shape (n,): see `joints`."""
@@ -311,9 +311,3 @@ def _checked(structure: Structure, numbers: Sequence[float]) -> tuple[float, ...
             validation.check_bend(dimension.name, finite)
         checked.append(finite)
     return tuple(checked)
-
-
-def real_rows(equations: ComplexArray) -> FloatArray:
-    """Return complex equations as real ones: of each its x, then its y."""
-    planes = np.stack([equations.real, equations.imag], axis=1)
-    return planes.reshape(-1, *equations.shape[1:])

@@ -8,7 +8,7 @@ from math import degrees
 from typing import Any, ClassVar, TypeVar
 
 from klann_ros.kinematics import validation
-from klann_ros.kinematics.arrays import ComplexArray, FloatArray
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray, real_rows
 from klann_ros.kinematics.errors import GeometryError, NotAssembledError, NotConvergedError
 from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
@@ -17,7 +17,7 @@ from . import joints
 from .branch import Branch
 from .change_points import ChangePoints, COURSES, InterpolatedPose, JUST_AFTER, PARALLEL, SIGN
 from .dimension_derivatives import vector_derivatives
-from .equations import LoopEquations, moved_numbers, path_terms, real_rows, term_matrix
+from .equations import LoopEquations, moved_numbers, path_terms, term_matrix
 from .structure import dimension_places, Structure
 
 # Newton-Raphson needs only a few corrections from a usable start.

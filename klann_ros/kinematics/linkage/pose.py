@@ -6,7 +6,7 @@ from math import hypot, nan
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import ComplexArray, FloatArray, plane
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray, plane_vectors
 import numpy as np
 
 from . import joints
@@ -209,7 +209,7 @@ class LinkageMotion(NamedTuple):
     @property
     def points(self) -> FloatArray:
         """Return the derivative of every point, shape (p, 2) [m/s, m/s^2]; made at each use."""
-        return plane(self.pose.linkage.point_equations[0] @ self.vectors)
+        return plane_vectors(self.pose.linkage.point_equations[0] @ self.vectors)
 
 
 def _format(state: LinkagePose | LinkageMotion, linkage: Linkage) -> str:
