@@ -102,8 +102,8 @@ def _calibrate(options: argparse.Namespace) -> int:
     )
     further = calibration.further()
     leg_parameters = of_leg(parameters, leg.name)
-    leg_parameters = {n: leg_parameters[n] for n in KEPT_PARAMETERS if n in leg_parameters}
-    built = _built_file(calibration, leg, leg_parameters, (options.run, options.leg or 'in it'))
+    file_parameters = {n: leg_parameters[n] for n in KEPT_PARAMETERS if n in leg_parameters}
+    built = _built_file(calibration, leg, file_parameters, (options.run, options.leg or 'in it'))
     print(*text_lines(calibration, further), sep='\n')
     views: dict[str, Callable[[], str]] = {
         '--output': lambda: built,

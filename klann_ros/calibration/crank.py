@@ -88,10 +88,9 @@ class CrankSpline:
         weights, _ = self.weights(times)
         chains = []
         for count in np.diff(self._nodes):
-            begins = csr_array(eye(count - 1, count))
-            ends = csr_array(eye(count - 1, count, k=1))
-            steps = kron(begins, STEP_ROOT.T @ TRANSITION)
-            chains.append(kron(ends, STEP_ROOT.T) - steps)
+            identity = csr_array(eye(count))
+            steps = kron(identity[:-1], STEP_ROOT.T @ TRANSITION)
+            chains.append(kron(identity[1:], STEP_ROOT.T) - steps)
         chain = block_diag(chains, format='csr')
         chain_information = chain.T @ chain
         # The likelihood of the motion about a straight one, for the digits.

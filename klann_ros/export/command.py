@@ -60,8 +60,8 @@ FILE, or a YAML file."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Export a robot; return the exit code."""
-    codes: dict[Any, int] = dict.fromkeys([KinematicsError, ValueError], NOT_READ)
-    codes |= dict.fromkeys([NoEzdxfError, NoSolidsError], NOT_WRITTEN)
+    codes: dict[type[Exception], int] = {KinematicsError: NOT_READ, ValueError: NOT_READ}
+    codes |= {NoEzdxfError: NOT_WRITTEN, NoSolidsError: NOT_WRITTEN}
     return _parser().run(_export, codes, argv)
 
 

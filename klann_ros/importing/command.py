@@ -63,10 +63,10 @@ def _import(options: argparse.Namespace) -> int:
         output.write(yaml.encode())
         print(f'written: {printable(options.output)}')
     places = [complex(*place) for place in content['points'].values()]
-    idle = listed(joint.name for joint in joints if joint.position not in places)
-    idle = f'; left out, as on no link of two joints: {idle}' if idle else ''
+    left_out = listed(joint.name for joint in joints if joint.position not in places)
+    note = f'; left out, as on no link of two joints: {left_out}' if left_out else ''
     chosen = f'crank {content["crank"]}, foot {content["foot"]}'
-    print(f'import_linkage: {chosen}; others by --crank and --foot{idle}', file=sys.stderr)
+    print(f'import_linkage: {chosen}; others by --crank and --foot{note}', file=sys.stderr)
     return 0
 
 

@@ -128,8 +128,8 @@ def _pivot_and_crank(joints: Sequence[Joint], crank: str) -> tuple[Joint, str]:
         raise MechanismError(f'it has several motors (--crank if it is one): on {listed(driven)}')
     crank = crank or next(iter(driven or pivots), '')
     if crank not in pivots or (driven == [crank] and pivots[crank] is not motors[0]):
-        hint = f'there are {listed(pivots)}{did_you_mean(crank, pivots)}'
-        hint = f'its motor is at {motors[0].name}' if crank in pivots else hint
+        links = f'there are {listed(pivots)}{did_you_mean(crank, pivots)}'
+        hint = f'its motor is at {motors[0].name}' if crank in pivots else links
         raise MechanismError(f'no link {listed([crank])} is turned about the ground: {hint}')
     return pivots[crank], crank
 

@@ -118,10 +118,10 @@ class KlannGeometry(NamedGeometry):
         warn_of_lengths({name: getattr(self, name) for name in (*LENGTHS, *COORDINATES)})
         if not closes_somewhere(self.linkage):
             closing = ', '.join(map(str, assemblies(self.linkage)))
-            others = f'but in {closing}' if closing else 'or in any other'
+            remedy = f'but in {closing}' if closing else 'or in any other'
             raise GeometryError(
                 f'these lengths are refused: at no crank angle do both dyads close in the '
-                f'assembly {self.assembly}, {others}'
+                f'assembly {self.assembly}, {remedy}'
             )
 
     @classmethod
