@@ -8,6 +8,7 @@ starts from the folder above this one.
 """
 
 import argparse
+import gc
 from pathlib import Path
 import sys
 from tempfile import TemporaryDirectory
@@ -21,6 +22,8 @@ PAGES = ('README.md', 'CONTRIBUTING.md', 'SECURITY.md', 'CHANGELOG.rst', 'docs/*
 
 def build(folder: Path, url: str) -> int:
     """Build the site that will stand at an address, if there is one; return 0 on success."""
+    # A quarter of the time would go to looking for garbage among nodes that stay to the end.
+    gc.disable()
     with TemporaryDirectory(prefix='klann_ros-docs-') as doctrees:
         options = ['-b', 'html', '-c', DOCS, '-d', doctrees, '--fail-on-warning', '--quiet']
         options += ['-D', 'root_doc=docs/index', '-D', f'include_patterns={",".join(PAGES)}']

@@ -30,7 +30,9 @@ ROS_TESTS = (
 )
 # What the tests need: an installation, and their compiled files.
 FIRST = ('colcon', 'collection')
-# The others but the tests run beside the tests and take only what these leave of a core.
+# They need a browser as well.
+TESTS = ('pytest', 'slow', 'pyodide')
+# The others run beside all of these and take only what they leave of a core.
 IN_BACKGROUND = ('nice', '-n', '19')
 # A hanging check is interrupted, so that CI shows its output: pytest then names what failed [s].
 TIMEOUT = 840.0
@@ -62,24 +64,29 @@ def main(arguments: list[str]) -> int:
         if 'colcon' in names:
             # Without it the tests build the package themselves.
             variables['KLANN_ROS_COLCON_PREFIX'] = f'{work}/install'
-        if {'pytest', 'slow', 'pyodide'} & {*names} and (advice := browser.provide(env, work)):
-            print(f'{"browser":14}FAILED    {advice}')
-            failed.append('browser')
         commands = _commands(env, work, pytest_arguments)
-        requested = [name for name in commands if name in names and name != 'pytest']
+        requested = [name for name in commands if name in names]
         first = [name for name in requested if name in FIRST]
-        beside = [name for name in requested if name not in FIRST]
+        tests = [name for name in requested if name in TESTS]
+        background = [name for name in requested if name not in FIRST + TESTS]
 
         def passes(name: str) -> bool:
-            prefix = IN_BACKGROUND if name in beside and name != 'slow' else ()
+            prefix = IN_BACKGROUND if name in background else ()
             return _passes(name, [*prefix, *commands[name]], variables, work, slowness * TIMEOUT)
 
-        with ThreadPoolExecutor(2) as pool:
-            verdicts = dict(zip(first, pool.map(passes, first), strict=True))
-            background = pool.map(passes, beside)
-            if 'pytest' in names:
-                verdicts['pytest'] = passes('pytest') or (_is_rare(work) and passes('alone'))
-            verdicts |= zip(beside, background, strict=True)
+        with ThreadPoolExecutor() as first_pool, ThreadPoolExecutor(2) as background_pool:
+            provided = first_pool.submit(browser.provide, env, work) if tests else None
+            first_verdicts = first_pool.map(passes, first)
+            background_verdicts = background_pool.map(passes, background)
+            verdicts = dict(zip(first, first_verdicts, strict=True))
+            if provided and (advice := provided.result()):
+                print(f'{"browser":14}FAILED    {advice}')
+                failed.append('browser')
+            for name in tests:
+                verdicts[name] = passes(name)
+            if verdicts.get('pytest') is False and _is_rare(work):
+                verdicts['pytest'] = passes('alone')
+            verdicts |= zip(background, background_verdicts, strict=True)
         failed += [name for name, is_passed in verdicts.items() if not is_passed]
         if 'pytest' in names:
             # The number of passed tests and the time.
@@ -127,7 +134,7 @@ def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict
         # The longest first: two run side by side.
         'colcon': colcon,
         # It compiles the tests once for all workers.
-        'collection': [*env.tool('pytest'), '--collect-only', '--quiet'],
+        'collection': [*env.tool('pytest'), '--collect-only', '--quiet', '-rN'],
         'mypy': env.tool('mypy'),
         'docs': [env.python, 'docs/build.py', work / 'docs'],
         'ruff': [*ruff, 'check', '--quiet', '--output-format=concise', *FILES],

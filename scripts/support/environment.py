@@ -1,6 +1,7 @@
 """The environment of the commands: a folder `.venv-X.Y` in the checkout, made on demand."""
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 import fcntl
@@ -47,9 +48,12 @@ NEEDED = 'a network, and Python 3.10 to 3.14 on x86-64 Linux or a sourced ROS 2'
 # Versions and hashes for CI, on the system of the wheels; see lock.py.
 LOCK = Path(__file__).with_name('lock.txt')
 LOCKED_SYSTEM = ('Linux', 'x86_64')
-LOCKED_BUILD = re.compile(r'^(?:pip|setuptools)==.*(?:\n    .*)*', re.MULTILINE)
+LOCKED_PACKAGE = re.compile(r'^\S+==.*(?:\n    .*)*', re.MULTILINE)
+LOCKED_BUILD = ('pip==', 'setuptools==')
+# Processes of pip that install locked packages side by side: each unpacks by one core.
+LOCKED_PARTS = 2
 STAMP = 'klann_ros.txt'
-# The output of pip, for the progress.
+# The output of pip, for the progress; those beside it have others.
 PIP_LOG = 'pip.txt'
 # Period of lines about the progress [s].
 PROGRESS_PERIOD = 15.0
@@ -272,8 +276,9 @@ def _make_environment(env: Environment, command: str) -> None:
     try:
         _install(env, command, is_made)
     except BaseException as error:
-        if is_made and isinstance(error, PipError):
+        if is_made and isinstance(error, PipError) and not env.has_locked(command):
             # pip fetches and builds before it changes anything: the old environment still works.
+            # Of several side by side, one may have changed it.
             _write_stamp(env, installed)
         else:
             # An incomplete environment would fail later.
@@ -307,9 +312,8 @@ def _install(env: Environment, command: str, is_made: bool) -> None:
             # Today's pip takes a quarter of the time of one that is two years old.
             build_packages = ['pip', BUILD]
             if env.is_locked:
-                lines = LOCKED_BUILD.findall(LOCK.read_text('utf-8'))
-                (work / 'build.txt').write_text('\n'.join(lines), encoding='utf-8')
-                build_packages = ['--require-hashes', '--requirement', f'{work}/build.txt']
+                packages = [text for text in _locked_packages() if text.startswith(LOCKED_BUILD)]
+                build_packages = _locked(packages, work / 'build.txt')
             _run(progress, [*pip, '--upgrade', *build_packages])
         # The message types of a sourced ROS were compiled for its very NumPy.
         numpy = f'\nnumpy=={env.numpy}' if env.numpy else ''
@@ -318,13 +322,29 @@ def _install(env: Environment, command: str, is_made: bool) -> None:
         options = ['--no-build-isolation', '--constraint', work / 'constraints.txt']
         extras, requirements = NEEDS[command]
         if env.has_locked(command):
-            _run(progress, [*pip, *options, '--require-hashes', '--requirement', LOCK])
-            _run(progress, [*pip, *options, '--no-deps', work / 'source'])
+            pip += [*options, '--no-deps']
+            packages = [text for text in _locked_packages() if not text.startswith(LOCKED_BUILD)]
+            parts = [
+                _locked(packages[part::LOCKED_PARTS], work / f'part_{part}.txt')
+                for part in range(LOCKED_PARTS)
+            ]
+            _run(progress, *([*pip, *part] for part in parts), [*pip, work / 'source'])
             return
         packages = [f'{work}/source[{extras}{"" if env.numpy else f",{DISTRIBUTIONS[env.ros]}"}]']
         if requirements:
             packages += ['--requirement', str(requirements)]
         _run(progress, [*pip, *options, *packages])
+
+
+def _locked_packages() -> list[str]:
+    """Return the entries of the lock file: a version and its hashes each."""
+    return LOCKED_PACKAGE.findall(LOCK.read_text('utf-8'))
+
+
+def _locked(packages: list[str], file: Path) -> list[str]:
+    """Return the options of pip that install these entries, through a requirements file."""
+    file.write_text('\n'.join(packages), encoding='utf-8')
+    return ['--require-hashes', '--requirement', str(file)]
 
 
 def _make_venv(progress: Progress, work: Path) -> None:
@@ -364,18 +384,29 @@ def _fetch_pip(work: Path) -> Path:
     return wheel
 
 
-def _run(progress: Progress, command: Command) -> None:
-    """Run a step of a set-up; a PipError has the reason in one line."""
-    env = progress.env
-    log = env.folder / PIP_LOG
-    if run(command, env.variables, log, on_pause=progress.show) == 0:
-        return
+def _run(progress: Progress, *commands: Command) -> None:
+    """Run a step of a set-up, its commands side by side; a PipError has a reason in one line."""
+    folder = progress.env.folder
+    others = [f'pip_{number}.txt' for number in range(2, len(commands) + 1)]
+    logs = [folder / name for name in (PIP_LOG, *others)]
+
+    def step(command: Command, log: Path) -> int | None:
+        return run(command, progress.env.variables, log, on_pause=progress.show)
+
+    with ThreadPoolExecutor() as pool:
+        codes = [*pool.map(step, commands, logs)]
+    for code, log in zip(codes, logs, strict=True):
+        if code != 0:
+            raise PipError(f'set-up of {folder.name} failed: {_failure(log)}')
+
+
+def _failure(log: Path) -> str:
+    """Return why pip failed, in one line, and what may help."""
     lines = log.read_text('utf-8', 'replace').splitlines()
-    errors = [line.removeprefix('ERROR: ') for line in lines if line.startswith('ERROR: ')]
-    reason = f'{errors[0] if errors else last_lines(log)}; it needs {NEEDED}'
     if any('Retrying (' in line or 'timed out' in line for line in lines):
-        reason = (
+        return (
             'the package index does not answer. Check the network; pip takes a proxy in '
             'PIP_PROXY, another index in PIP_INDEX_URL'
         )
-    raise PipError(f'set-up of {env.folder.name} failed: {reason}')
+    errors = [line.removeprefix('ERROR: ') for line in lines if line.startswith('ERROR: ')]
+    return f'{errors[0] if errors else last_lines(log)}; it needs {NEEDED}'

@@ -48,6 +48,8 @@ def record(ros: Domain, folder: Path, **parameters: object) -> Process:
     ros.probe.until(lambda: len(poses) >= COUNT)
     assert crank.wait() == 0
     reports.until_received(dict.fromkeys(TOPICS, COUNT))
+    # Until it has noticed that the crank left, it says that all losses were seen.
+    reports.until('/crank_state publishers left', 1)
     assert recorder.stop() == 0
     assert solver.stop() == 0
     return recorder

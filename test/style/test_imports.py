@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
 import os
@@ -266,17 +267,19 @@ def imports_past_a_face(package: Path) -> Iterator[str]:
                 yield f'{relative} imports {module}'
 
 
-def imports(package: Path, path: Path) -> Iterator[tuple[str, str]]:
-    """Yield the imports anywhere in a module: a module's full name, and a name in it or ''."""
+@cache
+def imports(package: Path, path: Path) -> list[tuple[str, str]]:
+    """Return the imports anywhere in a module: a module's full name, and a name in it or ''."""
     folder = [package.name, *path.relative_to(package).parts[:-1]]
+    names = []
     for node in ast.walk(ast.parse(path.read_text('utf-8'))):
         if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield alias.name, ''
+            names += [(alias.name, '') for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             base = folder[: len(folder) + 1 - node.level] if node.level else []
-            for alias in node.names:
-                yield '.'.join([*base, *filter(None, [node.module])]), alias.name
+            module = '.'.join([*base, *filter(None, [node.module])])
+            names += [(module, alias.name) for alias in node.names]
+    return names
 
 
 def imported_names(package: Path, path: Path) -> list[str]:
