@@ -49,7 +49,6 @@ EXTRAS['test'] = [
     'networkx',
     'pandas',
     'playwright',
-    'pyarrow',
     'pymoo',
     'pyserial',
     'pytest>=7.4',

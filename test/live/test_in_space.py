@@ -196,6 +196,7 @@ def test_a_leg_alone_stays_in_its_plane_and_messages_in_units_of_the_page(
     assert in_page_units == 'left +1.2°, right -20.1°, 250 mm'
 
 
+@pytest.mark.slow
 def test_without_webgl_a_line_says_so_and_the_flat_views_stay(
     visit_live: Callable[..., OpenedPage],
 ) -> None:

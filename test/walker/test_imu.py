@@ -390,12 +390,19 @@ def turned(
 @pytest.mark.parametrize(
     ('fault', 'stamp', 'state'),
     [
-        (lambda _yaw, _rate, _k: (0.1, 0.02), 1.0, ImuState.FROZEN),
+        pytest.param(
+            lambda _yaw, _rate, _k: (0.1, 0.02), 1.0, ImuState.FROZEN, marks=pytest.mark.slow
+        ),
         # A driver that repeats its last message, and one that stamps no more.
         (lambda _yaw, _rate, _k: (0.1, 0.02), 0.0, ImuState.FROZEN),
         (lambda yaw, rate, _k: (yaw, rate), 0.0, ImuState.FROZEN),
         (lambda yaw, rate, _k: (-yaw, -rate), 1.0, ImuState.CONTRADICTED),
-        (lambda _yaw, rate, _k: (None, -rate), 1.0, ImuState.CONTRADICTED),
+        pytest.param(
+            lambda _yaw, rate, _k: (None, -rate),
+            1.0,
+            ImuState.CONTRADICTED,
+            marks=pytest.mark.slow,
+        ),
         (lambda _yaw, rate, _k: (None, 57.3 * rate), 1.0, ImuState.CONTRADICTED),
     ],
 )

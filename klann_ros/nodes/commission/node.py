@@ -200,10 +200,12 @@ class CommissionNode(ProcessNode):
         """Return why no crank may turn, '' if it may."""
         waiting_time = now - self._start_time
         topic = self.resolve_topic_name('crank_command')
+        # Before their names: one that appears in between is then named.
+        is_alone = self.count_publishers(topic) <= 1
         publishers = other_publishers(self, topic)
         # Discovery knows a publisher before its node; no crank turns before its end.
         is_discovered = '' not in publishers or waiting_time > DISCOVERY_TIME
-        if is_discovered and (publishers or self.count_publishers(topic) > 1):
+        if is_discovered and (publishers or not is_alone):
             names = ', '.join(sorted(publishers)) or 'another node of this name'
             return f'{printable_line(names)} publishes {topic}: end it first'
         if self._permission.is_withdrawn:

@@ -149,6 +149,7 @@ def test_rows_are_the_same_byte_for_byte_however_many_make_them(
     assert table.read_bytes() == (outputs / 'table.csv').read_bytes()
 
 
+@pytest.mark.slow
 def test_a_parquet_table_is_the_csv(outputs: Path, tmp_path: Path) -> None:
     pandas = pytest.importorskip('pandas')
     rows = rows_from_table(str(outputs / 'table.csv'))
