@@ -20,6 +20,7 @@ import signal
 import sys
 from time import monotonic
 from typing import Any, NamedTuple, TypeVar
+import warnings
 
 from klann_ros.missing_package import install_command
 
@@ -244,6 +245,8 @@ def _answer_tasks(connection: Connection, function: _Function) -> None:
     """Answer tasks until the pipe closes."""
     # Ctrl-C reaches all processes of a terminal; only the parent handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Each worker would print what one warning says, in Python's form.
+    warnings.simplefilter('ignore')
     while True:
         try:
             item = connection.recv()

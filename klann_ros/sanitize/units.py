@@ -1,14 +1,19 @@
 """Warnings about numbers that look like millimetres or degrees."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import lru_cache
 from math import degrees, radians, tau
-from typing import Any
 import warnings
 
 from .text import printable_line
 
 MAX_LENGTH = 20.0
 """A longer bar is legal, but probably given in millimetres [m]."""
+# The function that reports unit warnings in a program; empty in a user's Python.
+_reports: list[Callable[[str], object]] = []
+_is_omitted = ContextVar('is_omitted', default=False)
 
 
 class UnitWarning(UserWarning):
@@ -39,22 +44,32 @@ def warn_of_degrees(name: str, angles: Iterable[float]) -> None:
     numbers = [float(angle) for angle in angles]
     if any(abs(number) > tau for number in numbers) and all(map(float.is_integer, numbers)):
         advice = 'in Python with klann_ros.kinematics.deg, 60 degrees are 60 * deg'
+        if _reports:
+            advice = 'if it is in degrees, convert it (60 deg are 1.0472 rad)'
         _warn(f'{name} beyond 2 pi, in whole numbers, is read in rad: {advice}')
 
 
 def report_unit_warnings(report: Callable[[str], object]) -> None:
-    """Report unit warnings of this process by a function; others are shown as before."""
-    show_default = warnings.showwarning
+    """Report unit warnings of this process by a function, each text once, instead of Python's."""
+    _reports[:] = [lru_cache(report)]
 
-    def show_warning(message: Any, category: type[Warning], *args: Any, **kwargs: Any) -> None:
-        if issubclass(category, UnitWarning):
-            report(str(message))
-        else:
-            show_default(message, category, *args, **kwargs)
 
-    warnings.showwarning = show_warning
+@contextmanager
+def without_unit_warnings() -> Iterator[None]:
+    """Omit unit warnings in this thread, until the context ends."""
+    token = _is_omitted.set(True)
+    try:
+        yield
+    finally:
+        _is_omitted.reset(token)
 
 
 def _warn(text: str) -> None:
-    # All warnings come from this line, so that each text is shown once in a process.
-    warnings.warn(printable_line(text), UnitWarning, stacklevel=1)
+    line = printable_line(text)
+    if _is_omitted.get():
+        return
+    if _reports:
+        _reports[0](line)
+    else:
+        # All warnings come from this line, so that each text is shown once in a process.
+        warnings.warn(line, UnitWarning, stacklevel=1)

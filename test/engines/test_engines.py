@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from engine_functions import fragile, nothing, squared
+from engine_functions import fragile, nothing, squared, warned
 from klann_ros.engines import EngineError, parallel_map, TaskError
 import pytest
 
@@ -31,6 +31,11 @@ def test_a_worker_that_dies_hangs_or_fails_costs_its_item_only(tmp_path: Path) -
         4: TaskError('ValueError: so\nit is'),
         5: 'b',
     }
+
+
+def test_a_worker_prints_no_warning() -> None:
+    # Of numpy, or of units: each worker would print it.
+    assert list(parallel_map(warned, [1], jobs=1)) == [(0, '')]
 
 
 def test_items_are_taken_as_workers_become_free() -> None:

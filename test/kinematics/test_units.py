@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 import math
+from threading import Thread
 from typing import Any
 import warnings
 
@@ -11,12 +12,14 @@ from klann_ros.kinematics import (
     foot_path,
     FourBar,
     GeometryError,
+    KlannGeometry,
     KlannLeg,
     linkage_poses,
     LinkageLeg,
     shipped_linkage,
     UnreachableError,
 )
+from klann_ros.sanitize import units
 from klann_ros.sanitize.units import UnitWarning
 from klann_ros.synthesis import function_task
 import numpy as np
@@ -59,6 +62,24 @@ def test_a_loop_in_degrees_is_warned_of_once() -> None:
         for k in range(0, 360, 10):
             LEG.solve(k)
     assert [warning.category for warning in warned] == [UnitWarning]
+
+
+def test_a_program_reports_once_in_its_own_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    reports: list[str] = []
+    monkeypatch.setattr(units, '_reports', [])
+    with warnings.catch_warnings():
+        # As by python -W error, which must not stop a node.
+        warnings.simplefilter('error')
+        units.report_unit_warnings(reports.append)
+        with units.without_unit_warnings():
+            LEG.solve(30)
+        LEG.solve(60)
+        KlannLeg().solve(120)
+        thread = Thread(target=KlannGeometry, kwargs={'l_gh': 430.0})
+        thread.start()
+        thread.join()
+    assert reports[0].endswith(': if it is in degrees, convert it (60 deg are 1.0472 rad)')
+    assert [text.partition(' ')[0] for text in reports] == ['a', 'l_gh']
 
 
 def test_radians_are_not_warned_of() -> None:

@@ -1,9 +1,12 @@
 """What workers are asked in the tests; of a module of their own, which workers import."""
 
+from contextlib import redirect_stderr
+from io import StringIO
 import os
 from pathlib import Path
 import signal
 import time
+import warnings
 
 
 def squared(item: int) -> int:
@@ -23,6 +26,13 @@ def fragile(item: str) -> str:
     if kind == 'raise':
         raise ValueError(rest)
     return kind
+
+
+def warned(item: int) -> str:
+    """Warn, and answer what Python prints about it."""
+    with redirect_stderr(StringIO()) as printed:
+        warnings.warn(f'there is {item}', stacklevel=1)
+    return printed.getvalue()
 
 
 def nothing(item: int) -> None:

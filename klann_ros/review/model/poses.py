@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, nan
 from typing import Any, NamedTuple
-import warnings
 
 from klann_ros.kinematics import (
     AnyLeg,
@@ -25,7 +24,7 @@ from klann_ros.kinematics import (
 )
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE, TURN
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
-from klann_ros.sanitize.units import UnitWarning
+from klann_ros.sanitize.units import without_unit_warnings
 import numpy as np
 
 from .recording import LegRecording
@@ -105,8 +104,7 @@ def path_angles(recording: LegRecording, leg: AnyLeg) -> FloatArray:
 
 def poses_at(leg: AnyLeg, alphas: FloatArray) -> LinkagePoses:
     """Return the poses at recorded angles, of which a finding tells degrees, not a warning."""
-    with warnings.catch_warnings():
-        warnings.simplefilter('ignore', UnitWarning)
+    with without_unit_warnings():
         return linkage_poses(leg, alphas, angles=True)
 
 
