@@ -134,7 +134,9 @@ class CommissionNode(ProcessNode):
 
     def on_callback_error(self) -> None:
         """Stop the cranks: the failed step would count as the last one."""
-        self._end('it failed, as its log says: nothing is written')
+        if not self._is_complete:
+            self._end('it failed, as its log says: nothing is written')
+        self._finish(1)
 
     def _procedure(self, robot: Robot, options: argparse.Namespace) -> Iterator[Rates]:
         """Subscribe to the home switches, and return the steps of all turns."""
@@ -229,6 +231,7 @@ class CommissionNode(ProcessNode):
     def _end(self, problem: str) -> None:
         """Stop the cranks, report, write, and finish."""
         self._commands.publish(self._command({}), 0, 0)
+        self._is_complete = True
         for finding in self._commissioning.findings:
             print(printable_line(f'{finding.subject}: {finding.verdict.value}: {finding.text}'))
         problem = problem or self._commissioning.problem
@@ -236,7 +239,6 @@ class CommissionNode(ProcessNode):
             print(f'commission_node: {problem}', flush=True)
         elif self._output_path:
             problem = self._write(self._output_path)
-        self._is_complete = True
         self._finish(1 if problem else 0)
 
     def _write(self, path: str) -> str:

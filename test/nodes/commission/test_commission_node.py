@@ -84,7 +84,7 @@ def test_a_failed_step_is_no_end_of_the_last_one(ros: Domain, tmp_path: Path) ->
     assert process.wait() == 1
     commands.until_zero()
     assert 'RuntimeError: on purpose' in process.errors
-    assert 'commission_node: it failed, as its log says: nothing is written\n' in process.output
+    assert process.output.count('commission_node: it failed, as its log says: nothing is') == 1
     assert not (tmp_path / 'cranks.yaml').exists()
 
 
