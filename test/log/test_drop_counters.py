@@ -20,6 +20,7 @@ def drop_counters(written=0, dropped=0):
 def test_dropped_messages_are_overruns_unwritten_and_removed_ones() -> None:
     counters = drop_counters(80, 10)
     topic = counters['/x']
+    assert topic.count() == TopicCount(0, 0)
     topic.received, topic.skipped, topic.overrun, topic.unwritten = 100, 5, 3, 2
     assert counters.counts() == {'/x': TopicCount(100, 80, dropped=15, skipped=5, missed=0)}
     topic.loss.count(1)
@@ -32,12 +33,29 @@ def test_dropped_messages_are_overruns_unwritten_and_removed_ones() -> None:
 
 def test_counts_between_two_snapshots_add_up() -> None:
     counters = drop_counters()
-    counters['/a'].received = 5
+    topic = counters['/a']
+
+    def receive(received: int, skipped: int, *sequence: int) -> None:
+        topic.received += received
+        topic.skipped += skipped
+        for number in sequence:
+            topic.loss.count(number)
+        topic.loss.departed += 1
+
+    receive(5, 1, 1, 3, 2)
     begin = counters.snapshot()
-    counters['/a'].received = 9
+    receive(4, 2, 6, 4)
     counters['/b'].received = 2
-    counts = counters.counts_between(begin, counters.snapshot(), {}, {'/b': 1})
-    assert (counts['/a'].received, counts['/b'].received) == (4, 3)
+    # What is received later is that of another run.
+    end = counters.snapshot()
+    receive(7, 3, 9)
+    stored = {'/a': TopicCount(0, 80, dropped=8)}
+    assert counters.counts_between(begin, end, stored, {'/b': 1}) == {
+        '/a': TopicCount(4, 80, dropped=8, skipped=2, missed=3, before_discovery=3, departed=1),
+        '/b': TopicCount(3, 0, missed=0),
+    }
+    topic.loss.count(None)
+    assert counters.counts_between(begin, end, stored, {})['/a'].missed is None
 
 
 @pytest.fixture

@@ -106,8 +106,9 @@ def test_sequence_gaps_are_always_counted(all_stays: list[Stay]) -> None:
     [
         (False, [400, 401, 403], (1, 0)),
         (True, [9, 7], (0, 0)),
-        # A number that comes again is one of a later publisher.
+        # A number that comes again, or a lower one, is one of a later publisher.
         (False, [3, 3], (0, 2)),
+        (False, [9, 7], (0, 6)),
     ],
 )
 def test_a_first_or_latched_publisher_has_sent_nothing_early(latched, numbers, counts) -> None:
@@ -118,11 +119,53 @@ def test_a_first_or_latched_publisher_has_sent_nothing_early(latched, numbers, c
     assert (counter.lost, counter.before_discovery) == counts
 
 
-def test_messages_that_come_after_newer_ones_are_no_loss() -> None:
+@pytest.mark.parametrize(
+    ('messages', 'lost'),
+    [
+        ({5: 5, 6: 6, 7: 7, 2: 2, 3: 3, 4: 4, 8: 8}, 0),
+        # The sender's clock is set back.
+        ({1: 10, 2: 5, 5: 6}, 2),
+    ],
+)
+def test_messages_that_come_after_newer_ones_are_no_loss(messages, lost) -> None:
     counter = LossCounter()
-    for number in (5, 6, 7, 2, 3, 4, 8):
-        counter.count(number, time=number)
-    assert (counter.lost, counter.before_discovery) == (0, 0)
+    assert sum(counter.count(number, time=time) for number, time in messages.items()) == 1
+    assert (counter.lost, counter.before_discovery) == (lost, 0)
+
+
+@pytest.mark.parametrize(
+    ('events', 'counts'),
+    [
+        ('1 A 5 changed 20 A', (17, 0)),
+        ('1 A 5 changed 20 B', (3, 19)),
+        # It is discovered before its first message.
+        ('1 A 5 changed B 20 B', (3, 19)),
+        # The old one's last message, or that of one which had sent as many.
+        ('1 A 5 changed 6 B', (3, 0)),
+        # Whose number it is stays unknown.
+        ('1 A changed 10 unknown', (0, 0)),
+        ('1 changed 10 B', (0, 0)),
+        ('1 A changed 10 changed 11 A', (0, 0)),
+        ('1 A changed 10 3 A', (0, 2)),
+        ('7 A several 2 A', (0, 0)),
+    ],
+)
+def test_a_gap_at_a_change_is_counted_once_its_publisher_is_known(events, counts) -> None:
+    counter = LossCounter()
+    is_first = True
+    for event in events.split():
+        if event.isdigit():
+            assert counter.count(int(event)) == is_first
+            is_first = False
+        elif event == 'changed':
+            counter.publishers_changed()
+            is_first = True
+        elif event == 'several':
+            assert not counter.count(3, publishers=2)
+            is_first = True
+        else:
+            counter.identify(None if event == 'unknown' else event)
+    assert (counter.lost, counter.before_discovery) == counts
 
 
 @pytest.mark.parametrize('arguments', [(None,), (5, 2)])
