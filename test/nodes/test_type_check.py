@@ -1,10 +1,13 @@
 """A publisher of another type is one warning with both types, from every node, over real DDS."""
 
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
+from klann_ros.nodes import endpoints
+from klann_ros.nodes.endpoints import TypeCheck
 import pytest
 from raw_publishers import Stranger
 from ros_domain import Domain, Process
@@ -145,3 +148,63 @@ def test_untrusted_types_are_printable_and_the_text_goes_with_their_publisher(
     ros.probe.publisher(Float64, 'crank_angle')
     ros.probe.spin(1.5)
     assert solver.errors.count('this node takes') == 1
+
+
+class StandIn:
+    """A node whose subscriptions have publishers of other types, and its log."""
+
+    def __init__(self, topics: int) -> None:
+        self.subscriptions = [
+            SimpleNamespace(msg_type=Float64, topic_name=f'/topic_{n}') for n in range(topics)
+        ]
+        # Nodes of the publishers of each topic; discovery knows a publisher before its node.
+        self.nodes = ['_NODE_NAME_UNKNOWN_']
+        self.lines: list[str] = []
+
+    def get_publishers_info_by_topic(self, _: str) -> list[Any]:
+        kind = 'std_msgs/msg/Float32'
+        return [
+            SimpleNamespace(topic_type=kind, node_namespace='/', node_name=name)
+            for name in self.nodes
+        ]
+
+    def get_logger(self) -> Any:
+        return SimpleNamespace(warning=self.lines.append)
+
+
+@pytest.fixture
+def every_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let each check look for publishers."""
+    monkeypatch.setattr(endpoints, '_TYPE_CHECK_PERIOD', 0.0)
+
+
+@pytest.mark.usefixtures('every_time')
+def test_a_publisher_is_logged_when_its_node_is_known_or_stays_unknown() -> None:
+    named, unnamed = StandIn(1), StandIn(1)
+    checks = [TypeCheck(named), TypeCheck(unnamed)]
+    text = 'publishes std_msgs/msg/Float32, this node takes std_msgs/msg/Float64'
+    for _ in range(2):
+        assert [check.check() for check in checks] == [f'/topic_0: a publisher {text}'] * 2
+        assert named.lines == unnamed.lines == []
+    named.nodes = ['motor']
+    for _ in range(4):
+        for check in checks:
+            check.check()
+    assert named.lines == [f'/topic_0: /motor {text}']
+    assert unnamed.lines == [f'/topic_0: a publisher {text}']
+    named.nodes = ['motor', 'servo', '_NODE_NAME_UNKNOWN_']
+    assert checks[0].check().startswith('/topic_0: /motor, /servo publish std_msgs')
+
+
+@pytest.mark.usefixtures('every_time')
+def test_many_topics_of_other_types_fill_neither_a_status_nor_the_log() -> None:
+    node = StandIn(120)
+    node.nodes = ['flood']
+    check = TypeCheck(node)
+    for level in (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR):
+        higher_level, message = check.add_to(level, 'text')
+        assert higher_level == max(level, DiagnosticStatus.WARN)
+        assert message.count('publishes') == 3
+        assert len(node.lines) == 100
+    node.nodes = []
+    assert check.add_to(DiagnosticStatus.OK, 'text') == (DiagnosticStatus.OK, 'text')
