@@ -31,11 +31,6 @@ ROLES = {
 }
 # Parts of the names of columns that are fields of messages (PlotJuggler).
 MESSAGE_FIELDS = {'point', 'pose', 'position', 'transform', 'translation', 'data'}
-# Units in a header; pixels have any scale.
-UNITS = (
-    *('deg', 'mm', 'cm', 'in', 'min', 'ms', 'us', 'µs', 'ns'),
-    *('m', 's', 'sec', 'seconds', 'rad', 'px', 'pixels'),
-)
 _UNIT = re.compile(r'^(.+?)(?:\s*[\[(]\s*(.+?)\s*[\])]|[ _](deg|min|ms|mm|cm|rad|px|s|m))$')
 # Hours, minutes, seconds and their decimals (Kinovea).
 _TIME_CODE = re.compile(r'(\d{1,3}):(\d\d):(\d\d)[:.](\d{2,3})')
@@ -62,12 +57,12 @@ class Column(NamedTuple):
     def si_numbers(self, unit: str = '') -> FloatArray:
         """Return the numbers in SI units; `unit` is that of a header without one."""
         unit = self.unit or unit
-        if unit and unit not in UNITS:
-            legal = ', '.join(UNITS)
-            raise MeasurementError(
-                f'column {printable(self.name)}: {printable(unit)} is no known unit: {legal}'
-            )
-        return self.numbers * (si_size(unit) or 1.0)
+        # Pixels have any scale.
+        size = 1.0 if unit in {'', 'px', 'pixels'} else si_size(unit)
+        if size is None:
+            problem = f'{printable(unit)} is no known unit, such as deg, rad, mm, in, ms or px'
+            raise MeasurementError(f'column {printable(self.name)}: {problem}')
+        return self.numbers * size
 
 
 def load_table(
@@ -111,8 +106,8 @@ def load_table(
         title = f'column {printable(source)}'
         quantities.append(RawSeries(kind, name, times, np.column_stack(numbers), source=title))
     crank = by_role.get('crank')
-    unit = (crank and crank.unit) or options.angle_unit
-    measured, notes = paired(leg, quantities, crank and (times, crank.numbers), unit)
+    unit = 'rad' if crank and crank.unit else options.angle_unit
+    measured, notes = paired(leg, quantities, crank and (times, crank.si_numbers()), unit)
     for name in () if requests else sorted(roles - {*names}):
         notes.append(f'not used: column {printable(name)}')
     return Loaded(measured, notes)

@@ -153,9 +153,9 @@ def _without_quote(cell: str) -> str:
 def decoded_text(
     path: str, error_type: type[Exception], max_size: int, *, may_be_xml: bool = False
 ) -> str:
-    """Return the text of a table, or of an XML file, in an encoding of spreadsheets."""
+    """Return the text of a table, or XML, in an encoding of spreadsheets; - is standard input."""
     try:
-        with open_regular(path) as file:
+        with open(0, 'rb', closefd=False) if path == '-' else open_regular(path) as file:
             data = file.read(max_size + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, 'strerror', None) or error

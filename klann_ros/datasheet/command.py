@@ -8,7 +8,7 @@ from math import isnan
 from klann_ros.cli import ArgumentParser, NOT_READ, number_type, output_files, path, save_texts
 from klann_ros.dynamics import MassError
 from klann_ros.export import ExportError, weighed
-from klann_ros.kinematics import LinkageLeg
+from klann_ros.kinematics import KinematicsError, LinkageLeg
 from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.sanitize.text import printable_line
 import numpy as np
@@ -23,7 +23,7 @@ from .text import sheet_text
 # The exit code for a motor that cannot turn the cranks.
 MOTOR_FAILS = 1
 DESCRIBE_ERRORS = dict.fromkeys(
-    (RobotFileError, MotorFileError, MassError, SheetError, ExportError), NOT_READ
+    (RobotFileError, MotorFileError, MassError, SheetError, ExportError, KinematicsError), NOT_READ
 )
 DESCRIPTION = """\
 Describe a leg or a walker before it is built: bars, the path of the foot, transmission angles,

@@ -6,7 +6,7 @@ from pathlib import Path
 import sys
 
 from klann_ros.cli import ArgumentParser, decoded_text, NOT_READ, Output
-from klann_ros.kinematics import linkage_from_text, LinkageFileError
+from klann_ros.kinematics import KinematicsError, linkage_from_text, LinkageLeg
 from klann_ros.sanitize.files import is_regular_file
 from klann_ros.sanitize.text import listed, printable, printable_line
 from klann_ros.sanitize.yaml_text import dump, MAX_FILE_SIZE
@@ -22,7 +22,6 @@ SOURCE is a file, - for the standard input, or the text itself, in one of these 
 """
 EPILOG = """\
 The loop_closures.yaml of a URDF is in its folder (of -, the current one), ../config or ./config.
-The axes of its joints are parallel, and its pose is that of joint zero.
 Gears, chains, several motors and linear actuators are refused.
 Exit code: 0 written, 2 SOURCE or an option is refused, 3 OUT.yaml cannot be written."""
 UNITS = {'mm': 1.0, 'cm': 10.0, 'm': 1000.0, 'in': INCH}
@@ -53,8 +52,8 @@ def _import(options: argparse.Namespace) -> int:
         header = {'name': title, 'source': f'imported from {name}', 'units': {'length': 'mm'}}
         content |= {'assembly': options.assembly} if options.assembly else {}
         yaml = f'{dump({**header, **content}, flow_style=None)}\n'
-        linkage_from_text(yaml, name)
-    except (MechanismError, LinkageFileError, OverflowError) as error:
+        LinkageLeg(linkage_from_text(yaml, name)).reachable_arcs()
+    except (MechanismError, KinematicsError, OverflowError) as error:
         reason = printable_line(error).removeprefix(f'{name} holds no linkage: ')
         raise MechanismError(f'{name} is refused: {reason}') from error
     if options.output is None:
@@ -72,12 +71,9 @@ def _import(options: argparse.Namespace) -> int:
 
 def _source(source: str) -> tuple[str, str]:
     """Return the text of a source, and its printable name."""
-    if source == '-':
-        # A longer text is refused by its reader.
-        return sys.stdin.buffer.read(4 * MAX_FILE_SIZE).decode(errors='replace'), 'standard input'
+    name = 'standard input' if source == '-' else printable(source)
     try:
-        text = decoded_text(source, MechanismError, MAX_FILE_SIZE, may_be_xml=True)
-        return text, printable(source)
+        return decoded_text(source, MechanismError, MAX_FILE_SIZE, may_be_xml=True), name
     except MechanismError as error:
         if isinstance(error.__cause__, OSError) and any(mark in source for mark in '[?\n<'):
             return source, 'text'

@@ -24,13 +24,18 @@ _PYSLVS_JOINT = re.compile(
     rf'J\[(?P<type>RP|R|P)(?:,A\[(?P<angle>{_NUMBER})\])?(?:,color\[[^][]*\])?,'
     rf'P\[(?P<x>{_NUMBER}),(?P<y>{_NUMBER})\],L\[(?P<links>[^][]*)\]\]'
 )
+# Between single blanks; the marks of a joint are tttt, or ++++, if it is traced, ..., driven.
+_PMKS_JOINT = re.compile(
+    rf'(?im)^ ?(?P<links>[^\n=]+?) (?P<type>RP|[RPG]) (?P<x>{_NUMBER}) (?P<y>{_NUMBER})'
+    rf'( (?P<angle>[-+]?[.\d]{_NUMBER}))?( (?P<traced>[tf+-])[tf+-]{{2}}(?P<driven>[tf+-]))? ?$'
+)
+_PMKS_START = r'(?!<)(.*\bmech=|[^|\n]+[\s,](?i:R|P|RP|G)[\s,]+[-.\d]+[\s,]+[-.\d])'
 _PMKS_PLUS_DIGITS = '0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_-'
 # Cells that mark no joint.
-_NO = {'', '0', 'no', 'false', '-'}
+_NO = {'', '0', 'no', 'f', 'false', '-'}
 # Attributes in files of Linkage of what no linkage file can describe; the layer of drawings.
 _LINKAGE2_REFUSED = ('actuator', 'gear', 'fasten', 'fastenlink', 'fastenconnector', 'slideradius')
 _DRAWING_LAYER = '1'
-_LINKAGE2_COLUMNS = ('name', 'x', 'y', 'links', 'driven', 'traced')
 
 
 def read_joints(text: str, form: str, unit: float, read_loops: Callable[[], str]) -> list[Joint]:
@@ -54,7 +59,7 @@ def read_joints(text: str, form: str, unit: float, read_loops: Callable[[], str]
             # Python's words about a missing part mean nothing to users.
             reason = 'a part of it is missing, or is no number'
         raise MechanismError(f'it is no {description}: {reason}') from error
-    scale = {'pyslvs': unit, 'csv': unit, 'linkage2': INCH / 96.0}.get(form, 1.0)
+    scale = {'pyslvs': unit, 'pmks': unit, 'csv': unit, 'linkage2': INCH / 96.0}.get(form, 1.0)
     return [replace(joint, position=scale * joint.position) for joint in joints]
 
 
@@ -63,14 +68,25 @@ def _read_pyslvs(text: str) -> list[Joint]:
     is_file = re.search(r'\bmechanism[\'"]? ?:', text)
     project: Any = load(text) if is_file else {'mechanism': text}
     expression = re.sub(r'#\[[^#]*#\]|#[^\n]*|\s+', '', project['mechanism'])
-    remainder = _PYSLVS_JOINT.sub('', expression).replace(',', '')
-    if remainder != 'M[]':
-        raise MechanismError(f'{printable(remainder, 60)} is left of it')
-    rows = [match.groupdict('') for match in _PYSLVS_JOINT.finditer(expression)]
-    joints = [_joint({**row, 'name': f'P{number}'}) for number, row in enumerate(rows)]
+    joints = _matched_joints(_PYSLVS_JOINT, expression, 'M[]')
     for base, drive in project.get('input', ()):
         joints[base] = replace(joints[base], is_driven=bool(joints[drive]))
     return joints
+
+
+def _read_pmks(text: str) -> list[Joint]:
+    """Read the joints of PMKS (ConvertTextToData), or its URL with them."""
+    records = re.sub(r'(?s)^.*?\bmech=', '', unquote(text), count=1).replace('|', '\n')
+    return _matched_joints(_PMKS_JOINT, re.sub(r'[ \t\r,]+', ' ', records))
+
+
+def _matched_joints(pattern: re.Pattern[str], text: str, frame: str = '') -> list[Joint]:
+    """Return the joints P0, P1, ... in a text; a MechanismError for more than their frame."""
+    remainder = re.sub(r'[\s,]+', '', pattern.sub('', text))
+    if remainder != frame:
+        raise MechanismError(f'{printable(remainder, 60)} is left of it')
+    rows = [match.groupdict('') for match in pattern.finditer(text)]
+    return [_joint({**row, 'name': f'P{number}'}) for number, row in enumerate(rows)]
 
 
 def _read_pmks_plus(text: str) -> Iterator[Joint]:
@@ -81,20 +97,22 @@ def _read_pmks_plus(text: str) -> Iterator[Joint]:
     links: dict[str, list[str]] = defaultdict(list)
     for record in link_records.split('.'):
         name, *fields = record.split(',')
-        # Y marks a whole link, N a part that is welded to others. An empty joint ends them.
-        end = fields.index('', 6)
-        for joint in fields[6:end] if name.startswith('Y') else ():
-            links[joint].append(name[2:])
-    for record in joint_records.split('.'):
-        name, _, x, y, angle = record.split(',')
-        # Bits: a slider, driven, on the ground, welded, traced.
+        # A whole link, or a part that is welded to others. An empty joint ends them.
+        for joint in fields[6 : fields.index('', 6)] if name[0] in 'YAMG0123' else ():
+            links[joint].append(name[1:])
+    rows = [record.split(',') for record in joint_records.split('.')]
+    places = {row[0][1:]: unit * complex(_base_64(row[2]), _base_64(row[3])) for row in rows}
+    for (name, _, _, _, angle, *slot), position in zip(rows, places.values(), strict=True):
+        # Bits: in a slot, driven, on the ground, welded, traced. P marks a piston's link.
         flags = _PMKS_PLUS_DIGITS.index(name[0])
-        members = ([GROUND] if flags & 4 else []) + links[name[1:]]
-        position = unit * complex(_base_64(x), _base_64(y))
-        kind = SLIDER if flags & 1 else PIN
-        direction = rect(1.0, _base_64(angle))
+        carrier, *ends = slot[:3] if any(slot[:3]) else [GROUND * bool(flags & 4)]
+        line = places[ends[1]] - places[ends[0]] if ends else rect(1.0, _base_64(angle))
+        members = dict.fromkeys([carrier, *(link[1:] for link in links[name[1:]])])
+        is_guided = flags & 8 or any(link.startswith('P') for link in links[name[1:]])
+        kind = (SLIDER if is_guided else PIN_IN_SLOT) if flags & 1 else PIN
         marks = bool(flags & 2), bool(flags & 16)
-        yield Joint(name[1:], position, tuple(members), kind, direction, *marks)
+        direction = line / (abs(line) or 1.0)
+        yield Joint(name[1:], position, tuple(filter(None, members)), kind, direction, *marks)
 
 
 def _base_64(digits: str) -> float:
@@ -123,10 +141,10 @@ def _read_linkage2(text: str) -> Iterable[Joint]:
             members[connector.get('id', '')].append(f'link{number}')
     joints = {}
     for connector in root.iterfind('connector'):
-        name, x, y, *marks = (connector.get(key, '') for key in ('id', 'x', 'y', 'input', 'draw'))
+        name, *cells = (connector.get(key, '') for key in ('id', 'x', 'y', 'input', 'draw'))
         links = ([GROUND] if connector.get('anchor') == 'true' else []) + members[name]
-        cells = f'P{name}', x, y, ' '.join(links), *marks
-        joints[name] = _joint(dict(zip(_LINKAGE2_COLUMNS, cells, strict=True)))
+        row = dict(zip(('x', 'y', 'driven', 'traced'), cells, strict=True))
+        joints[name] = _joint({**row, 'name': f'P{name}', 'links': ' '.join(links)})
     for slider in root.iterfind('connector[@slider="true"]'):
         name = slider.get('id', '')
         ends = [joints[limit.get('id', '')] for limit in slider.iterfind('slidelimit')]
@@ -159,12 +177,12 @@ def _joint(row: Mapping[str, str]) -> Joint:
     """Return the joint of a table's row, which has name, x, y and links at least."""
     cells = defaultdict(str, {column: cell.strip() for column, cell in row.items()})
     label = f'the joint {printable(cells["name"], 60)}'
-    kind = cells['type'] or PIN
+    kind = cells['type'].upper() or PIN
     if kind not in {PIN, SLIDER, PIN_IN_SLOT}:
         raise MechanismError(f'{label} is no R, P or RP, but maybe a gear')
     links = []
     for link in filter(None, re.split(r'[\s+/|;,]+', cells['links'])):
-        links.append(GROUND if link.lower().startswith(GROUND) else link)
+        links.append(GROUND if link.lower().startswith((GROUND, 'gnd', 'grnd')) else link)
     try:
         position = complex(float(cells['x']), float(cells['y']))
         direction = rect(1.0, radians(float(cells['angle'] or 0.0)))
@@ -174,14 +192,14 @@ def _joint(row: Mapping[str, str]) -> Joint:
     return Joint(cells['name'], position, tuple(links), kind, direction, *marks)
 
 
-# The reader of each form, the start of its texts (the first that matches counts), and its
-# description.
+# The reader of a form, the start of its texts (the first that matches counts), its description.
 FORMS: dict[str, tuple[Callable[..., Iterable[Joint]], str, str]] = {
     'pyslvs': (
         *(_read_pyslvs, r'(?!<).*\bM ?\['),
         'M[J[R, P[x, y], L[ground, L1]], ...] of Pyslvs, or YAML with it',
     ),
-    'pmks+': (_read_pmks_plus, r'(?!<)(.*\?)?([\w,%-]*\.){4}[^\s?]*$', 'whole URL of PMKS+'),
+    'pmks+': (_read_pmks_plus, r'(?!<)(.*\?)?([\w,%-]*\.){4}[^\n?]*$', 'whole URL of PMKS+'),
+    'pmks': (_read_pmks, _PMKS_START, 'URL or text of PMKS, in lines as ground, L1, R, 0, 0'),
     'linkage2': (_read_linkage2, '(?!.*<robot)<', '.linkage2 file of Linkage by D. Rector'),
     'urdf': (read_urdf, '<', f'planar URDF with {SIDECAR} (scikit-robot, robonex)'),
     'csv': (_read_csv, '', 'table: name, x, y, links (type, angle, driven, traced by a header)'),

@@ -121,11 +121,12 @@ def _pivot_and_crank(joints: Sequence[Joint], crank: str) -> tuple[Joint, str]:
             pivots.setdefault(link, joint)
     pivots.pop(GROUND, None)
     if not pivots:
-        raise MechanismError(f'no link has a joint with the link that is called {GROUND}')
+        raise MechanismError(f'no link has a pin on the link that is called {GROUND}')
     motors = [joint for joint in joints if joint.is_driven]
     driven = [link for joint in motors for link in joint.links if link != GROUND]
     if len(driven) > 1 and not crank:
-        raise MechanismError(f'it has several motors (--crank if it is one): on {listed(driven)}')
+        motor = 'it has several motors' if len(motors) > 1 else 'its motor is between links'
+        raise MechanismError(f'{motor}, on {listed(driven)}: --crank may be {listed(pivots)}')
     crank = crank or next(iter(driven or pivots), '')
     if crank not in pivots or (driven == [crank] and pivots[crank] is not motors[0]):
         links = f'there are {listed(pivots)}{did_you_mean(crank, pivots)}'

@@ -144,9 +144,7 @@ def _tree_hinges(
 
 def _loop_hinges(closures: Mapping[str, Any], frames: Frames, max_gap: float) -> Iterator[_Hinge]:
     """Yield the joints that close loops, whose ends may be `max_gap` apart [m]."""
-    loops: list[Any] = []
-    for key in ('closures', 'pin_loops', 'ball_loops'):
-        loops += closures[key]
+    loops = [*closures['closures'], *closures['pin_loops'], *closures['ball_loops']]
     for number, loop in enumerate(loops[:MAX_JOINTS], 1):
         name = str(loop.get('name', f'loop{number}'))
         ends = [loop.get('link_a') or loop['parent'], loop.get('link_b') or loop['child']]

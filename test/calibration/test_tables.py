@@ -101,6 +101,8 @@ def load(tmp_path: Path, content: str, options: TableOptions) -> list[MeasuredSe
          TableOptions()),
         (lambda: text(in_units(time=1.0 / 60.0), 'time [min],crank,H.x,H.y,G.x,G.y'),
          TableOptions()),
+        (lambda: text(in_units(time=1.0 / 3600.0, crank=0.5 / math.pi, H_x=1.0 / 0.3048),
+                      'time (h),crank (turns),H.x [ft],H.y,G.x,G.y'), TableOptions()),
         (stamped, TableOptions({'sec': '1', 'nanosec': '2', **{name: str(n + 3) for n, name in
                                 enumerate(NAMES) if name != 'time'}})),
         (lambda: 'header.stamp.sec,header.stamp.nanosec,header.frame_id,crank,H.x,H.y,G.x,G.y\n'
@@ -198,8 +200,10 @@ def test_a_tracked_pin_is_the_crank(tmp_path: Path, capsys: Capture, content: st
             '',
             '2 tracks of different times',
         ),
-        (lambda: text(columns(), 'time,crank,H.x [ft],H.y,G.x,G.y'), '', 'ft is no known unit'),
-        (lambda: text(columns(), 'time [h],crank,H.x,H.y,G.x,G.y'), '', 'h is no known unit'),
+        (lambda: text(columns(), 'time,crank,H.x [li],H.y,G.x,G.y'), '', 'li is no known unit'),
+        (lambda: text(columns(), 'time [d],crank,H.x,H.y,G.x,G.y'), '', 'd is no known unit'),
+        # Degrees in German, gradians elsewhere.
+        (lambda: text(columns(), 'time,crank (grad),H.x,H.y,G.x,G.y'), '', 'grad is no known'),
         (lambda: '', '', 'has no column time'),
         (lambda: 'a,b\nc,d\ne,f', '', 'is no table of numbers'),
         (lambda: text(columns(), 'time,crank,H.x,H.y,G.x,G.z'), '', 'has no column G.y'),

@@ -76,6 +76,19 @@ def test_a_turn_is_a_table_in_steps_over_all_turns_that_it_takes(capsys: Capture
         assert f'{text} is refused: it must be {reason}' in capsys.readouterr().err
 
 
+# Doublebutterfly2.txt of DesignEngrLab/PMKS, Examples, in another pose after a turn.
+TWO_TURNS = """\
+name: double butterfly
+units: {length: mm}
+points: {A: [7.4, 4.2], B: [0, 0], C: [13, 0], D: [4.1276, 11.27], E: [10.4289, 14.25],
+  F: [6.4193, 9.7727], G: [5.9286, 2.85], H: [4.4152, 3.9], J: [6.8309, 12.57], K: [8.1434, 9.87]}
+ground: [A, B, C]
+crank: crank
+foot: K
+links: {crank: [A, G, H], a: [B, D], b: [C, K], c: [D, E, F], d: [E, J, K], e: [F, G], f: [H, J]}
+"""
+
+
 @pytest.mark.parametrize(
     ('arguments', 'reason'),
     [
@@ -87,6 +100,7 @@ def test_a_turn_is_a_table_in_steps_over_all_turns_that_it_takes(capsys: Capture
         ([SEM, '--motor', SEM], 'holds no motor'),
         ([SEM, '--motor', 'absent.yaml'], 'absent.yaml cannot be read'),
         ([SEM, '--motor', '/dev/zero'], 'a device'),
+        (['{two_turns}'], 'its coupled loops are not back where they were after a turn'),
         ([SEM, '--speed', 'inf'], 'speed = inf rad/s is refused'),
         ([SEM, '--speed=-1e300'], 'speed = -1e+300 rad/s is refused'),
         ([SEM, '--speed', '1e-9'], 'speed = 1e-09 rad/s is refused'),
@@ -104,7 +118,10 @@ def test_a_refusal_is_one_line(
     os.mkfifo(pipe)
     weightless = [line for line in Path(SEM).read_text().splitlines() if 'bar_density' not in line]
     bare.write_text('\n'.join(weightless))
-    assert main([text.format(bare=bare, pipe=pipe) for text in arguments]) == 2
+    two_turns = tmp_path / 'two_turns.yaml'
+    two_turns.write_text(TWO_TURNS)
+    files = {'bare': bare, 'pipe': pipe, 'two_turns': two_turns}
+    assert main([text.format(**files) for text in arguments]) == 2
     out, error = capsys.readouterr()
     assert (out, error.count('\n')) == ('', 1)
     assert error.startswith('describe: ')

@@ -1,9 +1,10 @@
 """The command import_linkage: its inputs, its output, and its refusals."""
 
-from io import BytesIO, TextIOWrapper
-from math import atan2, pi
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import atan2, cos, pi, sin
+import os
 from pathlib import Path
-import sys
 from typing import Any
 
 from klann_ros.importing.command import main
@@ -30,8 +31,34 @@ PMKS_PLUS = {
     'Fe,Fe,2kA,08r,26A69A,F,G,,...JBm',
 }
 
+# Mechanisms of docs/fixture-urls.md in PMKS-Web/Planar-Mechanism-Kinematic-Simulator (MIT), whose
+# records are longer; here a link is marked A or 1 instead of Y, and the name of one has blanks.
+SCOTCH_YOKE = (
+    '2v.Ay,1E8.A,0.1011.6A,A,0,0,0.1B,B,Fe,0,0,CD,C,D.DC,C,Fe,0VG,0.0D,D,Fe,S8,0..ARAB,AB,Fe,Fe,'
+    '7q,0,c5cae9,A,B,,.YRCD,Yoke of CD,Fe,Fe,Fe,01a,303e9f,C,D,,...N_N*0RRtxB'
+)
+PUNCH_PRESS = (
+    '2v.Ay,1E8.A,0.1011.6A,A,0,0,0.0B,B,0,Im,0.5C,C,0,0r8,OZ,,,,,1Tm..YRAB,Crank,VG,o,0,9O,c5cae9,'
+    'A,B,,.1RBC,Connecting rod,ku,6G,0,0HC,303e9f,B,C,,..2F1,BC,F1,0,0r8,0,0bW,1Xg0..N_p*3gSQPQ'
+)
 # The pivot of the crank [mm].
 PMKS_PLUS_A = {'slider_crank': [-30.82, -0.38], 'watt_ii': [-20.25, -20.23]}
+
+
+@contextmanager
+def standard_input(file: Path | None) -> Iterator[None]:
+    """Make a file the standard input of this process; None closes it."""
+    saved = os.dup(0)
+    try:
+        if file is None:
+            os.close(0)
+        else:
+            with file.open('rb') as opened:
+                os.dup2(opened.fileno(), 0)
+        yield
+    finally:
+        os.dup2(saved, 0)
+        os.close(saved)
 
 
 @pytest.mark.parametrize('entry', REFUSED, ids=lambda entry: entry['says'][:40])
@@ -66,18 +93,28 @@ def test_a_file_of_windows_is_read(
 ) -> None:
     file = tmp_path / 'bar.csv'
     file.write_text(FOUR_BAR.replace('rocker', 'balanço'), encoding=encoding)
-    assert main([str(file)]) == 0
-    assert '  balanco: [C, D]\n' in capsys.readouterr().out
+    for source in (str(file), '-'):
+        with standard_input(file):
+            assert main([source]) == 0
+        assert '  balanco: [C, D]\n' in capsys.readouterr().out
 
 
 def test_a_text_and_the_standard_input_are_read(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([FOUR_BAR]) == 0
     text = capsys.readouterr().out
-    monkeypatch.setattr(sys, 'stdin', TextIOWrapper(BytesIO(FOUR_BAR.encode())))
-    assert main(['-']) == 0
+    file = tmp_path / 'file'
+    file.write_text(FOUR_BAR)
+    with standard_input(file):
+        assert main(['-']) == 0
     assert capsys.readouterr().out.replace('standard input', 'text') == text
+
+
+def test_a_standard_input_that_is_closed_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with standard_input(None):
+        assert main(['-']) == 2
+    assert 'import_linkage: - cannot be read: Bad file' in capsys.readouterr().err
 
 
 def test_a_table_of_a_spreadsheet_is_read(capsys: pytest.CaptureFixture[str]) -> None:
@@ -148,6 +185,21 @@ def test_a_url_of_pmks_plus_becomes_a_linkage_that_turns(tmp_path: Path) -> None
             assert len(leg.reachable_arcs()) == 1
             points = read_table(output)['points']
             assert points['A'] == pytest.approx(PMKS_PLUS_A[name])
+
+
+@pytest.mark.parametrize('angle', [0.4, 2.0, 5.0])
+def test_slots_of_pmks_plus_are_on_the_ground_or_on_a_link(angle: float, tmp_path: Path) -> None:
+    output = tmp_path / 'linkage.yaml'
+    assert main([f'https://app.pmksplus.com/?{SCOTCH_YOKE}', '-o', str(output)]) == 0
+    # The yoke is welded to its slider.
+    assert LinkageLeg(linkage_from_file(output)).solve(angle).h[0] == pytest.approx(
+        0.01 * cos(angle)
+    )
+    assert main([f'?{PUNCH_PRESS}', '-o', str(output), '--foot', 'C']) == 0
+    crank, rod = 12e-3, 46e-3
+    ram = LinkageLeg(linkage_from_file(output)).solve(angle).h
+    height = crank * sin(angle) - (rod**2 - (crank * cos(angle)) ** 2) ** 0.5
+    assert ram == pytest.approx([0.0, height], abs=1e-5)
 
 
 def test_links_of_one_identifier_and_attributes_without_a_space_stay_apart(

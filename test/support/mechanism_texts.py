@@ -20,6 +20,16 @@ def pyslvs_text(rows: Sequence[Row]) -> str:
     return f'input: {pairs}\nmechanism: "M[{", ".join(joints)}]"\n'
 
 
+def pmks_text(rows: Sequence[Row]) -> str:
+    """Return the URL of PMKS, whose last mark is that of the motor."""
+    records = []
+    for row in rows:
+        place = f'{row.position.real},{row.position.imag},{row.angle}'
+        driven = 't' if row.driven else 'f'
+        records.append(f'{" ".join(row.links)},{row.kind.lower()},{place},fff{driven}')
+    return f'https://designengrlab.github.io/PMKS/pmks.html?mech={"%7C".join(records)}%7C'
+
+
 def linkage2_text(rows: Sequence[Row]) -> str:
     """Return the XML of Linkage, whose lengths are 1/96 in."""
     lines = ['<linkage2>', '<program zoom="1" units="Millimeters"/>']
@@ -53,4 +63,4 @@ def csv_text(rows: Sequence[Row]) -> str:
     return '\n'.join(lines)
 
 
-WRITERS = {'pyslvs': pyslvs_text, 'linkage2': linkage2_text, 'csv': csv_text}
+WRITERS = {'pyslvs': pyslvs_text, 'pmks': pmks_text, 'linkage2': linkage2_text, 'csv': csv_text}
