@@ -1,11 +1,16 @@
 """watchdog_node as a process: alone, and in the chain of ros2_control.launch.py."""
 
 from pathlib import Path
+import re
 from signal import SIGCONT, SIGSTOP, SIGTERM
+from types import SimpleNamespace
+from typing import Any
 
 from crank_motors import CONFIG, TWO_MOTORS
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
+from klann_ros.nodes.watchdog import node as watchdog
+from klann_ros.nodes.watchdog.node import WatchdogNode
 import pytest
 from ros_domain import Domain, Process
 from sensor_msgs.msg import JointState
@@ -116,11 +121,29 @@ def start(ros: Domain, **parameters: object) -> Process:
     return process
 
 
+@pytest.fixture
+def reports(ros: Domain) -> list[DiagnosticArray]:
+    return ros.probe.listen(DiagnosticArray, '/diagnostics')
+
+
+def is_report(reports: list[DiagnosticArray], pattern: str, timeouts: str) -> bool:
+    """Return whether the last report has these words and this number of timeouts."""
+    if not reports:
+        return False
+    (status,) = reports[-1].status
+    assert status.name == 'watchdog_node: commands'
+    assert status.level == DiagnosticStatus.OK
+    (figure,) = status.values
+    is_count = (figure.key, figure.value) == ('timeouts', timeouts)
+    return is_count and bool(re.fullmatch(pattern, status.message))
+
+
 def test_zero_is_repeated_until_a_command_arrives(
-    ros: Domain, commands: list[Float64MultiArray]
+    ros: Domain, commands: list[Float64MultiArray], reports: list[DiagnosticArray]
 ) -> None:
-    process = start(ros, command_timeout=0.2)
+    process = start(ros, command_timeout=0.2, diagnostics_period=0.05)
     ros.probe.until(lambda: len(commands) >= 3)
+    ros.probe.until(lambda: is_report(reports, r'no command for \d+\.\d s: zero is sent', '1'))
     assert {tuple(command.data) for command in commands} == {(0.0, 0.0)}
     # Its own zeros are no commands: the silence is one.
     assert process.errors.count('no command for 0.2 s') == 1
@@ -129,13 +152,77 @@ def test_zero_is_repeated_until_a_command_arrives(
     ros.probe.until(lambda: [1.0, -1.0] in [list(command.data) for command in commands])
     ros.probe.until(lambda: list(commands[-1].data) == [0.0, 0.0])
     ros.probe.until(lambda: process.errors.count('no command for 0.2 s') == 2)
+    ros.probe.until(lambda: is_report(reports, 'no command .*', '2'))
     assert process.stop() == 0
 
 
-def test_its_end_sends_zero(ros: Domain, commands: list[Float64MultiArray]) -> None:
-    process = start(ros, command_timeout=60.0)
+def test_its_end_sends_zero(
+    ros: Domain, commands: list[Float64MultiArray], reports: list[DiagnosticArray]
+) -> None:
+    process = start(ros, command_timeout=60.0, diagnostics_period=0.05)
+    ros.probe.until(lambda: is_report(reports, 'commanded', '0'))
     publisher = ros.probe.publisher(Float64MultiArray, COMMANDS)
     publisher.publish(Float64MultiArray(data=[1.0, 1.0]))
     ros.probe.until(lambda: commands)
     assert process.stop(SIGTERM) == 0
     ros.probe.until(lambda: list(commands[-1].data) == [0.0, 0.0])
+
+
+class Silence:
+    """The timer and the subscription of a watchdog of 0.5 s, by a clock of their own."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 0.0
+        # Times of the zeros that were sent.
+        self.zeros: list[float] = []
+        monkeypatch.setattr(watchdog, 'monotonic', lambda: self.now)
+        publisher = SimpleNamespace(topic_name='/c', publish=lambda _: self.zeros.append(self.now))
+        self.node: Any = SimpleNamespace(
+            _timeout=0.5,
+            _zero=b'zero',
+            _publisher=publisher,
+            _command_time=0.0,
+            _zero_time=0.0,
+            _expected_echoes=0,
+            _is_silent=False,
+            _timeouts=0,
+            get_logger=lambda: SimpleNamespace(warning=lambda _: None),
+        )
+
+    def at(self, time: float, *commands: bytes) -> None:
+        """Let the commands arrive at a time [s], and then the timer."""
+        self.now = time
+        for command in commands:
+            WatchdogNode._on_command(self.node, command, {})
+        WatchdogNode._on_timer(self.node)
+
+
+def test_zero_is_due_after_the_timeout_and_again_after_its_period(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    silence = Silence(monkeypatch)
+    for time in (0.25, 0.5, 0.5625, 0.625, 0.75, 1.0):
+        silence.at(time)
+    assert silence.zeros == [0.5625, 0.75, 1.0]
+    assert silence.node._timeouts == 1
+
+
+def test_only_its_own_zeros_are_no_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    silence = Silence(monkeypatch)
+    # Another node's zeros, as it expects none of its own.
+    silence.at(0.5, b'zero')
+    silence.at(1.0)
+    assert silence.zeros == []
+    silence.at(1.25)
+    # The echo, then another node's zero.
+    silence.at(1.5, b'zero')
+    silence.at(1.5, b'zero', b'zero')
+    silence.at(2.0)
+    assert silence.zeros == [1.25, 1.5]
+    # A command that comes while an echo is under way or lost; then another node's zero.
+    silence.at(2.25)
+    silence.at(2.5, b'one')
+    silence.at(2.75, b'zero')
+    silence.at(3.25)
+    assert silence.zeros == [1.25, 1.5, 2.25]
+    assert silence.node._timeouts == 2
