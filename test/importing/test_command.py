@@ -126,6 +126,15 @@ def test_a_table_of_a_spreadsheet_is_read(capsys: pytest.CaptureFixture[str]) ->
     assert capsys.readouterr().out.splitlines()[4:6] == ['  A: [0.0, 0.0]', '  B: [10.5, 30.0]']
 
 
+def test_one_of_several_motors_is_chosen(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [f'{row},{"x" * (row[0] in "AD")}' for row in FOUR_BAR.splitlines()]
+    text = '\n'.join(['name,x,y,links,driven', *rows])
+    assert main([text]) == 2
+    assert 'motors' in capsys.readouterr().err
+    assert main([text, '--crank', 'rocker']) == 0
+    assert 'crank rocker, foot E' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize('no', ['', '0', 'no', 'False', '-'])
 def test_a_cell_that_says_no_marks_no_joint(no: str, capsys: pytest.CaptureFixture[str]) -> None:
     marks = {'B': f'{no},yes', 'D': f'1,{no}'}
@@ -158,6 +167,13 @@ def test_names_of_a_stranger_become_valid_names(capsys: pytest.CaptureFixture[st
     assert (out + err).replace('\n', '').isprintable()
     assert "  'on': [joint_1, P, 'no']" in out
     assert f'ground: [P2J, {"no" * 20}]' in out
+
+
+def test_names_that_become_alike_are_numbered(capsys: pytest.CaptureFixture[str]) -> None:
+    text = FOUR_BAR.replace('A,', 'P 1,').replace('B,', 'P-1,').replace('C,', 'P_1,')
+    assert main([text.replace('coupler', 'bar.').replace('rocker', 'bar#')]) == 0
+    out = capsys.readouterr().out
+    assert '  bar: [P_2, P_3, E]\n  bar2: [P_3, D]\n' in out
 
 
 def test_links_that_share_two_pins_are_one(capsys: pytest.CaptureFixture[str]) -> None:
