@@ -5,9 +5,11 @@ import os
 from pathlib import Path
 import signal
 import termios
+from types import SimpleNamespace
 from typing import Any
 
 from crank_motors import TWO_MOTORS
+from klann_ros.nodes.commission.node import CommissionNode
 from klann_ros.robot import CrankDrive, robot_from_parameters, solver_parameters
 import pytest
 from ros_domain import Domain, Process
@@ -187,3 +189,93 @@ def test_a_folder_that_disappears_meanwhile_ends_it(ros: Domain, tmp_path: Path)
     assert f'commission_node: {reason}' in process.output
     assert 'encoder_ratio: 1.0' in process.output
     assert 'callback failed' not in process.errors
+
+
+@pytest.mark.parametrize(
+    ('names', 'is_withdrawn', 'has_feedback', 'times', 'problem'),
+    [
+        ((), False, False, (10.0, 10.5), 'no crank_state of left, right: start the driver'),
+        ((), True, True, (0.0, 0.0), 'stopped by a key'),
+        # Discovery knows a publisher before its node.
+        (
+            ('_NODE_NAME_UNKNOWN_',),
+            False,
+            True,
+            (2.0, 2.5),
+            'another node of this name publishes /crank_command: end it first',
+        ),
+        (
+            ('commission_node',),
+            False,
+            True,
+            (0.0, 0.0),
+            'another node of this name publishes /crank_command: end it first',
+        ),
+        (('b', 'a'), False, True, (0.0, 0.0), '/a, /b publishes /crank_command: end it first'),
+    ],
+)
+def test_no_crank_turns_before_all_is_ready(
+    names: tuple[str, ...],
+    is_withdrawn: bool,
+    has_feedback: bool,
+    times: tuple[float, float],
+    problem: str,
+) -> None:
+    publishers = [
+        SimpleNamespace(node_name=name, node_namespace='/') for name in ('commission_node', *names)
+    ]
+    node: Any = SimpleNamespace(
+        _start_time=0.0,
+        _joints=('left', 'right'),
+        _has_feedback=has_feedback,
+        _permission=SimpleNamespace(is_withdrawn=is_withdrawn),
+        resolve_topic_name=lambda name: f'/{name}',
+        count_publishers=lambda _: len(publishers),
+        get_publishers_info_by_topic=lambda _: publishers,
+        get_fully_qualified_name=lambda: '/commission_node',
+    )
+    last_time, time = times
+    if last_time < time:
+        assert CommissionNode._problem(node, last_time) == ''
+    assert CommissionNode._problem(node, time) == problem
+
+
+@pytest.mark.parametrize(
+    ('problem', 'code', 'files'), [('', 0, ['cranks.yaml']), ('repair first: imu', 1, [])]
+)
+def test_a_robot_that_needs_repair_is_not_written(
+    problem: str, code: int, files: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    codes: list[int] = []
+    written: list[str] = []
+    node: Any = SimpleNamespace(
+        _command=lambda _: None,
+        _commands=SimpleNamespace(publish=lambda *_: None),
+        _commissioning=SimpleNamespace(findings=[], problem=problem),
+        _output_path='cranks.yaml',
+        _write=lambda path: written.append(path) or '',
+        _finish=codes.append,
+    )
+    CommissionNode._end(node, '')
+    assert (codes, written) == ([code], files)
+    assert problem in capsys.readouterr().out
+
+
+def test_no_crank_turns_before_others_are_discovered() -> None:
+    times = [0.5, 2.0, 2.5]
+    steps: list[float] = []
+    node: Any = SimpleNamespace(
+        _is_complete=False,
+        _types=SimpleNamespace(check=lambda: ''),
+        _commissioning=SimpleNamespace(now=0.0),
+        _clock=SimpleNamespace(now=lambda: times[0]),
+        _start_time=0.0,
+        _problem=lambda _: '',
+        _has_feedback=True,
+        _permission=SimpleNamespace(is_given=True),
+        _step=lambda: steps.append(times[0]),
+    )
+    while times:
+        CommissionNode._on_timer(node)
+        times.pop(0)
+    assert steps == [2.5]
