@@ -21,7 +21,6 @@ from typing import NoReturn
 import warnings
 
 from .missing_package import DISTRIBUTIONS, install_command
-from .sanitize.units import report_unit_warnings
 
 # The matrices of a linkage are small: threads of BLAS that wait for one another cost a fit five
 # times its CPU on a busy machine. NumPy, imported later, reads this; workers inherit it.
@@ -36,6 +35,8 @@ def _run_node(name: str, *, uses_terminal: bool = False) -> int:
     if sys.platform == 'win32':
         print(f'{name}: nodes run on Linux only, on Windows in its WSL', file=sys.stderr)
         return 1
+    # `StopSignals` takes Ctrl-C in the time of its import, too.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     from .stop_signals import StopSignals  # noqa: PLC0415 - Windows has no such signals
 
     stop = StopSignals(uses_terminal=uses_terminal)
@@ -120,6 +121,7 @@ def _run_command(name: str, module: str) -> int:
     try:
         with _uninterrupted():
             command = import_module(module)
+            from .sanitize.units import report_unit_warnings  # noqa: PLC0415 - a slow import
         # A report shows what overflows as infinite.
         warnings.simplefilter('ignore', RuntimeWarning)
         report_unit_warnings(lambda text: print(f'{name}: warning: {text}', file=sys.stderr))

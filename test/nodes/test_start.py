@@ -137,3 +137,20 @@ def test_a_logger_of_another_rclpy_is_left_as_it_is(module: str, call: str) -> N
     start = [sys.executable, '-c', code, *arguments]
     done = subprocess.run(start, check=False, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr.count('ready: constant')) == (0, 1)
+
+
+def test_ctrl_c_is_handled_before_any_slow_import() -> None:
+    code = """
+import signal, sys
+from klann_ros import executables
+assert 'klann_ros.sanitize' not in sys.modules
+sys.modules['klann_ros.stop_signals'] = type(sys)('unfinished')
+try:
+    executables.crank_node()
+except ImportError:
+    print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))
+"""
+    done = subprocess.run(
+        [sys.executable, '-c', code], check=False, capture_output=True, text=True
+    )
+    assert (done.stdout, done.stderr) == ('True\n', '')
