@@ -34,8 +34,8 @@ from .raw_executor import RawMessageExecutor
 _ROS_FLAGS = ('-p', '--param', '--params-file', '-r', '--remap', '--log-level', '-e', '--enclave')
 # Errors of rclpy about a topic or its quality of service.
 ROS_ERRORS = (NameValidationException, RCLError, RuntimeError, ValueError)
-# Errors about a node or its parameters too.
-_START_ERRORS = (StartError, ParameterException, *ROS_ERRORS)
+# Errors about a node, its parameters and its output too, which may be a full disk.
+_START_ERRORS = (StartError, ParameterException, OSError, *ROS_ERRORS)
 # ROS writes its log files there, and does not start where it cannot.
 _LOG_FOLDER_REMEDY = 'set ROS_LOG_DIR (or HOME) to a folder that can be written'
 # Help on the option `--lifecycle`.
@@ -211,7 +211,7 @@ def _init_ros(ros_arguments: Sequence[str]) -> None:
         usual = '-p NAME:=VALUE, --params-file FILE, -r OLD:=NEW, --log-level LEVEL'
         raise StartError(f'unknown arguments for ROS {error}; it takes {usual}') from error
     except _START_ERRORS as error:
-        if 'log directory' not in str(error):
+        if 'initialize logging' not in str(error):
             raise
         raise StartError(f'{ros_error(error)}; {_LOG_FOLDER_REMEDY}') from error
 

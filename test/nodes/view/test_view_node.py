@@ -411,7 +411,7 @@ def test_a_refused_start_is_one_line(module_ros: Domain) -> None:
         listener.bind(('127.0.0.1', 0))
         listener.listen()
         port = listener.getsockname()[1]
-        refusals = {
+        refusals: dict[tuple[str, ...], tuple[int, str]] = {
             ('--port', str(port)): (1, f'port {port}'),
             ('--runs', '/nowhere', '--port', '0'): (1, '--runs /nowhere is no folder'),
             ('--port', '70000'): (2, 'within 0 .. 65535'),
@@ -419,6 +419,10 @@ def test_a_refused_start_is_one_line(module_ros: Domain) -> None:
         started = {
             arguments: module_ros.start_by([], 'view_node', *arguments) for arguments in refusals
         }
+        # Its address cannot be printed.
+        to_full_disk = ['sh', '-c', 'exec "$0" "$@" > /dev/full']
+        started['full',] = module_ros.start_by(to_full_disk, 'view_node', '--port', '0')
+        refusals['full',] = (1, 'view_node: [Errno 28] No space left on device')
         for arguments, (code, reason) in refusals.items():
             process = started[arguments]
             assert process.wait() == code
