@@ -245,8 +245,7 @@ def _answer_tasks(connection: Connection, function: _Function) -> None:
     """Answer tasks until the pipe closes."""
     # Ctrl-C reaches all processes of a terminal; only the parent handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Each worker would print what one warning says, in Python's form.
-    warnings.simplefilter('ignore')
+    warnings.simplefilter('ignore')  # as each worker would print it, in Python's form
     while True:
         try:
             item = connection.recv()

@@ -35,8 +35,7 @@ def _run_node(name: str, *, uses_terminal: bool = False) -> int:
     if sys.platform == 'win32':
         print(f'{name}: nodes run on Linux only, on Windows in its WSL', file=sys.stderr)
         return 1
-    # `StopSignals` takes Ctrl-C in the time of its import, too.
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which waits for StopSignals
     from .stop_signals import StopSignals  # noqa: PLC0415 - Windows has no such signals
 
     stop = StopSignals(uses_terminal=uses_terminal)

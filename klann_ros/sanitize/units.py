@@ -1,7 +1,6 @@
 """Warnings about numbers that look like millimetres or degrees."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from contextvars import ContextVar
 from functools import lru_cache
 from math import degrees, radians, tau
@@ -11,9 +10,9 @@ from .text import printable_line
 
 MAX_LENGTH = 20.0
 """A longer bar is legal, but probably given in millimetres [m]."""
-# The function that reports unit warnings in a program; empty in a user's Python.
-_reports: list[Callable[[str], object]] = []
-_is_omitted = ContextVar('is_omitted', default=False)
+_reports: list[Callable[[str], object]] = []  # the report of a program; empty in Python
+# Whether `warn_of_degrees` does nothing, in this thread only.
+omits_degrees = ContextVar('omits_degrees', default=False)
 
 
 class UnitWarning(UserWarning):
@@ -41,7 +40,7 @@ def warn_of_angle(name: str, angle: float) -> None:
 
 def warn_of_degrees(name: str, angles: Iterable[float]) -> None:
     """Warn of angles [rad] that are whole numbers, and one of them beyond a turn."""
-    numbers = [float(angle) for angle in angles]
+    numbers = [] if omits_degrees.get() else [float(angle) for angle in angles]
     if any(abs(number) > tau for number in numbers) and all(map(float.is_integer, numbers)):
         advice = 'in Python with klann_ros.kinematics.deg, 60 degrees are 60 * deg'
         if _reports:
@@ -54,20 +53,8 @@ def report_unit_warnings(report: Callable[[str], object]) -> None:
     _reports[:] = [lru_cache(report)]
 
 
-@contextmanager
-def without_unit_warnings() -> Iterator[None]:
-    """Omit unit warnings in this thread, until the context ends."""
-    token = _is_omitted.set(True)
-    try:
-        yield
-    finally:
-        _is_omitted.reset(token)
-
-
 def _warn(text: str) -> None:
     line = printable_line(text)
-    if _is_omitted.get():
-        return
     if _reports:
         _reports[0](line)
     else:

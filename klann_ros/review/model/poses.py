@@ -24,7 +24,7 @@ from klann_ros.kinematics import (
 )
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE, TURN
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
-from klann_ros.sanitize.units import without_unit_warnings
+from klann_ros.sanitize.units import omits_degrees
 import numpy as np
 
 from .recording import LegRecording
@@ -104,8 +104,11 @@ def path_angles(recording: LegRecording, leg: AnyLeg) -> FloatArray:
 
 def poses_at(leg: AnyLeg, alphas: FloatArray) -> LinkagePoses:
     """Return the poses at recorded angles, of which a finding tells degrees, not a warning."""
-    with without_unit_warnings():
+    token = omits_degrees.set(True)
+    try:
         return linkage_poses(leg, alphas, angles=True)
+    finally:
+        omits_degrees.reset(token)
 
 
 def solve_blocks(recording: LegRecording, leg: AnyLeg) -> Iterator[SolvedBlock]:
