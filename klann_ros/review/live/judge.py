@@ -1,6 +1,6 @@
 """Findings in the passing messages: repeated reviews of the last seconds."""
 
-from collections import defaultdict, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -90,11 +90,12 @@ class LiveJudge:
     def __init__(self, limits: Limits | None = None) -> None:
         self._limits = limits or Limits()
         self._window = Window()
-        # By topic: first message [ns], losses so far, and of answers the topics of their inputs.
+        # By topic: first message [ns], losses, skipped messages, and of answers their inputs.
         self._topics: dict[str, _Topic] = {}
         self._starts: dict[str, int] = {}
         self._numbers: defaultdict[str, _LossCounter] = defaultdict(_LossCounter)
         self._lost: dict[str, int] = {}
+        self._skipped: Counter[str] = Counter()
         self._inputs: dict[str, frozenset[str]] = {}
         # Topics whose last command was to stand, and those with a lease: no command is due.
         self._standing: set[str] = set()
@@ -119,9 +120,10 @@ class LiveJudge:
         self._topics.clear()
 
     def excuse(self, pause: Pause) -> None:
-        """Excuse gaps while the recorder paused or stalled."""
+        """Excuse gaps and skipped messages while the recorder paused or stalled."""
         interval = pause.begin, pause.end + MAX_RESPONSE_TIME
         self._window.gaps = merge_intervals([*self._window.gaps, interval])
+        self._skipped.update(pause.skipped)
 
     def findings(
         self,
@@ -227,7 +229,9 @@ class LiveJudge:
         if lost is None:
             for message in self._window.new:
                 self._numbers[message.topic.name].add(message.sequence)
-            lost = {name: numbers.lost for name, numbers in self._numbers.items()}
+            lost = {}
+            for name, numbers in self._numbers.items():
+                lost[name] = max(numbers.lost - self._skipped[name], self._lost.get(name, 0))
         for name, count in lost.items():
             new_count = count - self._lost.get(name, 0)
             if new_count > 0:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from drive_runs import DriveRun, FEEDBACK, SOLVER, VELOCITIES
 from klann_ros.kinematics import KlannLeg
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.run_parameters import SolverParameters
+from klann_ros.log.run_parameters import Pause, SolverParameters
 from klann_ros.review.live import LiveFinding, LiveJudge
 from leg_runs import LegRun, START
 import pytest
@@ -164,6 +164,22 @@ def test_the_losses_that_a_recorder_counts_are_reported_once() -> None:
         texts.append([finding.text for finding in findings])
     two_lost = '2 messages of /diagnostics were lost'
     assert texts == [[], [two_lost], [], ['1 message of /diagnostics was lost']]
+
+
+def test_messages_skipped_in_a_pause_are_not_lost_but_others_are() -> None:
+    topic = Topic('/other', 'std_msgs/msg/String', '')
+    judge = LiveJudge()
+    texts = []
+    for number in range(1, 401):
+        if number in (60, 160):
+            judge.excuse(Pause(START, START + number, {'/other': 20}))
+        if (number % 100 in range(40, 60) and number < 200) or number in (300, 301):
+            continue
+        judge.add_all([Message(topic, b'', START + number, START + number, number)])
+        # A gap in the numbers counts a few messages later: first a review before that.
+        if number in (62, 400):
+            texts += [finding.text for finding in judge.findings(START + number)]
+    assert texts == ['2 messages of /other were lost']
 
 
 def test_a_recurring_fault_is_reported_again() -> None:
