@@ -117,7 +117,9 @@ def main() -> None:
         driver = HardwareDriver()
         while not signals:
             rclpy.spin_once(driver, timeout_sec=0.1)
-    except (OSError, ValueError, ImportError, ParameterException) as error:
+    except ImportError as error:
+        sys.exit(f'hardware_driver: {error}: run pip install pyserial')
+    except (OSError, ValueError, ParameterException) as error:
         sys.exit(f'hardware_driver: {error}')
     finally:
         if driver is not None:

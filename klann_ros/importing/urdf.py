@@ -205,5 +205,4 @@ def _numbers(values: Sequence[Any]) -> FloatArray:
         vector = np.array(values, dtype=np.float64)
         if vector.shape == (3,) and np.abs(vector).max() <= _MAX_NUMBER:
             return vector
-    text = printable(values, 60)
-    raise MechanismError(f'{text} is not three numbers up to {_MAX_NUMBER:g}')
+    raise MechanismError(f'{printable(values, 60)} is not three numbers up to {_MAX_NUMBER:g}')

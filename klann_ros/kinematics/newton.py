@@ -56,8 +56,7 @@ def newton_raphson(
             raise NotConvergedError(alpha, np.array(iterates), reason) from None
         iterates.append(x - correction)
         if not np.isfinite(iterates[-1]).all():
-            reason = 'the last iterate is not finite'
-            raise NotConvergedError(alpha, np.array(iterates), reason)
+            raise NotConvergedError(alpha, np.array(iterates), 'the last iterate is not finite')
         if tolerance is None or np.abs(correction).max() <= tolerance:
             if closes():
                 return np.array(iterates)

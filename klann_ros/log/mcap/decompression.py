@@ -158,8 +158,7 @@ def _checked(
 
 def _check(size: int, crc: int, declared_size: int, declared_crc: int) -> None:
     if crc != declared_crc:
-        reason = 'the CRC of the chunk does not match its content'
-        raise DecompressionError(reason, size)
+        raise DecompressionError('the CRC of the chunk does not match its content', size)
     if not crc and size != declared_size:
         reason = f'the chunk unpacks to {size} bytes, {declared_size} are recorded'
         raise DecompressionError(reason, size)

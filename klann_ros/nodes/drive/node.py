@@ -141,16 +141,14 @@ def _message(node: DriveNode, message_type: MessageType, fields: Any) -> bytes:
         raise ArgumentTypeError("fields are needed, such as '{data: 1}'")
     paths = [field.path for field in message_type.fields]
     for path in fields.keys() - {*paths}:
-        text = f'there is no field {printable(path)}; there are {listed(paths)}'
-        raise ArgumentTypeError(text)
+        raise ArgumentTypeError(f'there is no field {printable(path)}; there are {listed(paths)}')
     if 'header.stamp.sec' in paths:
         stamp = node.get_clock().now().seconds_nanoseconds()
         fields |= dict(zip(('header.stamp.sec', 'header.stamp.nanosec'), stamp, strict=True))
     try:
         return message_type.write(fields)
     except (struct.error, ArithmeticError, AttributeError, TypeError, ValueError) as error:
-        text = f'this is no {message_type.name}: {error}'
-        raise ArgumentTypeError(text) from error
+        raise ArgumentTypeError(f'this is no {message_type.name}: {error}') from error
 
 
 def _crank(node: DriveNode, *quantities: str) -> Steps:
@@ -205,11 +203,16 @@ def _echo(node: DriveNode, topic: str) -> Steps:
 
 
 def _print(content: Mapping[str, Any], field: str | None) -> None:
-    """Print a message, or a field: a text for a file, such as leg_description, as it is."""
+    """Print a message with its submessages, or a field: a text for a file as it is."""
     if field and field not in content:
         raise ArgumentTypeError(f'the fields are {listed(content)}')
     for path in [field] if field else content:
-        text = str([*content[path]] if isinstance(content[path], tuple) else content[path])
+        value = content[path]
+        if value and isinstance(value, list) and isinstance(value[0], dict):
+            for number, item in enumerate(value):
+                _print({f'{path}[{number}].{name}': item[name] for name in item}, None)
+            continue
+        text = str([*value] if isinstance(value, tuple) else value)
         if not field or sys.stdout.isatty():
             text = f'{path}: {printable(text, 1_000_000)}'
         print(text.removesuffix('\n'), flush=True)

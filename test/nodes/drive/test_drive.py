@@ -7,7 +7,7 @@ import signal
 
 from domain import own_domain
 from geometry_msgs.msg import Pose, Twist, TwistStamped
-from klann_ros.nodes.drive.node import read_options
+from klann_ros.nodes.drive.node import _print, read_options
 from klann_ros.nodes.endpoints import LATCHED
 from nav_msgs.msg import Odometry
 import pytest
@@ -105,6 +105,17 @@ def test_it_shows_latched_and_hostile_messages_of_any_type(ros: Domain) -> None:
     # For a file: as it is.
     assert text.output == HOSTILE
     assert covariance.output.startswith('[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.25,')
+
+
+def test_each_field_of_a_submessage_has_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    counter = {'key': 'lost', 'value': '0'}
+    status = {'message': 'a\x1b', 'values': [counter, counter]}
+    _print({'stamp': 1, 'status': [status], 'names': ['a'], 'none': []}, None)
+    counters = [
+        f'status[0].values[{i}].{field}' for i in (0, 1) for field in ('key: lost', 'value: 0')
+    ]
+    lines = ['stamp: 1', 'status[0].message: a\\x1b', *counters, "names: ['a']", 'none: []']
+    assert capsys.readouterr().out.splitlines() == lines
 
 
 def test_it_lists_topics_tells_rates_and_calls_services(ros: Domain) -> None:
