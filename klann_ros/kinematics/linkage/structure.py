@@ -10,7 +10,7 @@ from typing import NamedTuple
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.sanitize.text import did_you_mean
 
-from .topology import assembly_order, Graph, Group, loop_paths, Path
+from .topology import add_paths, assembly_order, Graph, Group, Path
 
 UNITS = {'length': 'm', 'brace': 'm', 'x': 'm', 'y': 'm', 'bend': 'rad'}
 # The name of the ground as a carrier of sliding bodies, and its index among the bodies.
@@ -291,13 +291,15 @@ class Structure:
     def paths(self) -> 'Paths':
         """Return the loops and the paths to the points, along bars."""
         bars = [(body, bar.start, bar.end) for body, bar in self.bars]
-        group_loops, points = loop_paths(self.pivots, bars, [(0,), *self.groups])
+        points = {name: Path(((place, 1),), ()) for place, name in enumerate(self.pivots)}
+        add_paths(points, bars, (0,))
         loops: list[Path] = []
         closing: list[str] = []
         rows = []
-        for group in group_loops[1:]:
-            rows.append(tuple(range(len(loops), len(loops) + len(group))))
-            for point, loop in group:
+        for group in self.groups:
+            group_loops = add_paths(points, bars, group)
+            rows.append(tuple(range(len(loops), len(loops) + len(group_loops))))
+            for point, loop in group_loops:
                 closing.append(point)
                 loops.append(loop)
         ends = tuple(points[name] for name in self.points)

@@ -155,25 +155,16 @@ class Path(NamedTuple):
         return Path(_sum(self.pivots, path.pivots, sign), _sum(self.bars, path.bars, sign))
 
 
-def loop_paths(
-    pivots: Sequence[str], bars: Sequence[tuple[int, str, str]], groups: Sequence[Group]
-) -> tuple[list[list[tuple[str, Path]]], dict[str, Path]]:
-    """
-    Return the loops that each group closes, with the points where they close, and all ways.
-
-    Every point is reached from the pivots along bars (body, start, end), group by group, and in a
-    group over as few bars as can be. A bar that leads to a point which has been reached already
-    closes a loop: the path over this bar less the point's own.
-    """
-    paths = {name: Path(((place, 1),), ()) for place, name in enumerate(pivots)}
-    loops = [_grow(bars, group, paths) for group in groups]
-    return loops, paths
-
-
-def _grow(
-    bars: Sequence[tuple[int, str, str]], group: Group, paths: dict[str, Path]
+def add_paths(
+    paths: dict[str, Path], bars: Sequence[tuple[int, str, str]], group: Group
 ) -> list[tuple[str, Path]]:
-    """Reach the points of a group; return the loops that are closed on the way."""
+    """
+    Add the paths to the points of a group; return the loops that it closes, and where.
+
+    Every point is reached along bars (body, start, end), over as few of the group's as can be. A
+    bar that leads to a point which has been reached already closes a loop: the path over this bar
+    less the point's own.
+    """
     waiting = [number for number, (body, _, _) in enumerate(bars) if body in group]
     waiting.sort(key=lambda number: group.index(bars[number][0]))
     loops = []
