@@ -116,7 +116,9 @@ class Branch:
     def x(self, alpha: float) -> tuple[float, ...]:
         """Return the angles at a path angle [rad]; a LoopsOpenError beyond the branch."""
         branch_alpha = self._within(alpha)
-        nearest = self._nearest_sample(branch_alpha)
+        i = bisect_left(self._samples, branch_alpha, key=lambda sample: sample.alpha)
+        neighbours = self._samples[slice(max(0, i - 1), i + 1)]
+        nearest = min(neighbours, key=lambda sample: abs(sample.alpha - branch_alpha))
         if self._first <= branch_alpha <= self._last:
             guess = nearest.predict(branch_alpha - nearest.alpha)
             signs = tuple(int(changes.signs_at(branch_alpha)) for changes in self.sign_changes)
@@ -249,8 +251,3 @@ class Branch:
         """Return the path angle, less whole periods, on the branch or nearest to it."""
         middle = (self._first + self._last) / 2.0
         return alpha - self._span * round((alpha - middle) / self._span)
-
-    def _nearest_sample(self, alpha: float) -> BranchSample:
-        i = bisect_left(self._samples, alpha, key=lambda sample: sample.alpha)
-        neighbours = self._samples[slice(max(0, i - 1), i + 1)]
-        return min(neighbours, key=lambda sample: abs(sample.alpha - alpha))

@@ -366,10 +366,8 @@ class Leg(Generic[PoseT, MotionT]):
             The pose is one of another linkage.
 
         """
-        if type(pose) is not self.pose_class or pose.linkage is not self._linkage:
-            self._check_pose(pose)
-        if isnan(pose.coefficients[0]):
-            raise errors.SingularPoseError(pose.crank_angle)
+        # Without a velocity it has no derivatives.
+        self.velocity(pose, 1.0)
         if self._linkage.change_points:
             # The motion goes on through a change point, but no other dimensions have one.
             for sine, block in zip(pose.sines, self._linkage.blocks, strict=True):
