@@ -34,10 +34,13 @@ class WalkerParts:
         return self._parts.get(text)
 
     def _make(self, text: str) -> None:
+        if len(self._parts) >= _MAX_WALKERS:
+            del self._parts[next(iter(self._parts))]
+        # It stays where no process can be started, too.
+        self._parts[text] = None
         for _, parts in parallel_map(make_parts, [text], jobs=1, time_limit=TIMEOUT):
-            if len(self._parts) >= _MAX_WALKERS:
-                del self._parts[next(iter(self._parts))]
-            self._parts[text] = None if isinstance(parts, TaskError) else parts
+            if not isinstance(parts, TaskError):
+                self._parts[text] = parts
 
 
 def make_parts(text: str) -> dict[str, Any]:
