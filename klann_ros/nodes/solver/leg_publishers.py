@@ -8,7 +8,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PointStamped, TwistStamped
 from klann_ros import kinematics
 from klann_ros.kinematics import KinematicsError, LinkageMotion, LinkagePose
-from klann_ros.log import DESCRIPTION_TOPIC, leg_description, SolverParameters
+from klann_ros.log import leg_description, SolverParameters
 from klann_ros.messages import JointStateTemplate, point_template, Template, twist_template
 from klann_ros.nodes.endpoints import create_publisher, LATCHED
 from klann_ros.nodes.parameters import plain
@@ -91,22 +91,14 @@ class LegMessages:
         return template
 
 
-class LegDescription:
-    """Publisher of the legs' parameters as a parameter file, at the start and after changes."""
-
-    def __init__(self, node: Node) -> None:
-        self._node = node
-        self._publisher = create_publisher(node, String, DESCRIPTION_TOPIC, LATCHED)
-        self.publish()
-
-    def publish(self) -> None:
-        """Publish the present parameters."""
-        parameters = {}
-        for name, parameter in self._node.get_parameters_by_prefix('').items():
-            if name.rpartition('.')[2] in DESCRIBED:
-                parameters[name] = plain(parameter.value)
-        solver = SolverParameters(self._node.get_fully_qualified_name(), 0, parameters)
-        self._publisher.publish(String(data=leg_description(solver)))
+def description_message(node: Node) -> String:
+    """Return the present parameters of the legs as a parameter file."""
+    parameters = {}
+    for name, parameter in node.get_parameters_by_prefix('').items():
+        if name.rpartition('.')[2] in DESCRIBED:
+            parameters[name] = plain(parameter.value)
+    solver = SolverParameters(node.get_fully_qualified_name(), 0, parameters)
+    return String(data=leg_description(solver))
 
 
 class LegMarkers:

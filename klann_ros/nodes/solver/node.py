@@ -9,12 +9,14 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from klann_ros.cli import ArgumentParser
 from klann_ros.kinematics import CrankAngleError, GeometryError, KinematicsError
+from klann_ros.log import DESCRIPTION_TOPIC
 from klann_ros.nodes.endpoints import (
     create_publisher,
     create_steady_timer,
     create_trigger,
     diagnostic_array,
     diagnostic_status,
+    LATCHED,
     QOS_USAGE,
     TypeCheck,
 )
@@ -27,12 +29,13 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from std_msgs.msg import String
 
 from .crank_inputs import CrankInput, CrankInputs, NoFeedbackError, Stamp
 from .declarations import INPUT_TYPE_REMEDIES, INPUTS, PUBLISHED, SETTINGS
 from .driven_leg import DrivenLeg, SolverStatistics
 from .leg_parameters import LegParameters
-from .leg_publishers import LegDescription, LegMarkers, LegMessages
+from .leg_publishers import description_message, LegMarkers, LegMessages
 
 # Inputs are stale after this time without one [s].
 STALE_AFTER = 2.0
@@ -57,7 +60,8 @@ class SolverNode(ProcessNode):
         self._markers = (
             LegMarkers(self, self._legs, values['frame_id']) if values['publish_markers'] else None
         )
-        self._description = LegDescription(self)
+        self._description = create_publisher(self, String, DESCRIPTION_TOPIC, LATCHED)
+        self._description.publish(description_message(self))
         create_trigger(self, 'reset', self._on_reset)
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._apply)
@@ -107,7 +111,7 @@ class SolverNode(ProcessNode):
             leg.leg = changed.get(leg.name, leg.leg)
         if changed:
             self._diagnostics.legs_changed()
-            self._description.publish()
+            self._description.publish(description_message(self))
         if changed and self._markers:
             self._markers.legs_changed()
 
