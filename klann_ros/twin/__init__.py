@@ -30,7 +30,6 @@ if TYPE_CHECKING:
         Motors,
         NoMujocoError,
         Pace,
-        RealTimeFactor,
         Sensors,
         SimulatedCrank,
         Truth,

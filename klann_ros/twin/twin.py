@@ -480,19 +480,8 @@ class Pace:
         self._done += count
         return count
 
-    def factor(self, now: float) -> 'RealTimeFactor':
-        """Return the real-time factor since the last call."""
-        elapsed = max(now - self._since, 1e-9)
-        requested = elapsed / self._between
-        factor = RealTimeFactor(self._done * self._period / elapsed, self._done / requested)
+    def real_time_factor(self, now: float) -> float:
+        """Return simulated time over wall time since the last call."""
+        factor = self._done * self._period / max(now - self._since, 1e-9)
         self._since, self._done = now, 0
         return factor
-
-
-class RealTimeFactor(NamedTuple):
-    """The achieved real-time factor."""
-
-    # Simulated time over wall time.
-    factor: float
-    # Share of the requested steps that were done.
-    share: float

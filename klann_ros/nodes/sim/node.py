@@ -44,7 +44,6 @@ from klann_ros.twin import (
     Injection,
     NoMujocoError,
     Pace,
-    RealTimeFactor,
     Twin,
     TwinError,
 )
@@ -57,7 +56,7 @@ from std_msgs.msg import Bool, Header
 
 from .declarations import floor, motors, sensors, SIM_GROUPS, SIM_PARAMETERS, TYPE_REMEDIES
 
-# A warning is published below this real-time factor [-].
+# A warning is published below this part of the requested real-time factor.
 MIN_REAL_TIME_FACTOR = 0.97
 # With shorter steps the engine would never get anywhere [s].
 MIN_TIME_STEP = 1e-5
@@ -141,11 +140,11 @@ class SimNode(ProcessNode):
         return True, 'the robot stands where it began, its cranks held'
 
     def _report(self) -> None:
-        factor = self._pace.factor(monotonic())
+        factor = self._pace.real_time_factor(monotonic())
         level, message = self._types.add_to(*self._verdict(factor))
         figures = {
             'time': f'{self._tick * self._period:.3f}',
-            'real_time_factor': f'{factor.factor:.3f}',
+            'real_time_factor': f'{factor:.3f}',
             'given_up': f'{self._pace.slipped:.3f}',
             'tilt': f'{degrees(self._twin.tilt):.2f}',
             'resets': self._resets,
@@ -154,15 +153,15 @@ class SimNode(ProcessNode):
         status = diagnostic_status(self, 'simulation', level, message, figures.items())
         self._diagnostics.publish(diagnostic_array(self, [status]))
 
-    def _verdict(self, factor: RealTimeFactor) -> tuple[bytes, str]:
+    def _verdict(self, factor: float) -> tuple[bytes, str]:
         """Return the level and the most important message."""
         if self._fault:
             fault, self._fault = self._fault, ''
             return DiagnosticStatus.ERROR, fault
         if self._twin.state:
             return DiagnosticStatus.ERROR, self._twin.state
-        if factor.share < MIN_REAL_TIME_FACTOR:
-            rates = f'{factor.factor:.2f} of real time, {self._factor:g} is requested'
+        if factor < MIN_REAL_TIME_FACTOR * self._factor:
+            rates = f'{factor:.2f} of real time, {self._factor:g} is requested'
             return DiagnosticStatus.WARN, f'it cannot keep up: {rates}'
         silent = self._commands.silent
         if silent:
