@@ -161,7 +161,8 @@ class Dynamics:
 
     def potential_energy(self, alphas: ArrayLike) -> FloatArray:
         """Return the energy of weight and springs at crank angles, shape (k,) [J]."""
-        return self._potential(body_motion(self.linkage, alphas)).energy
+        energy, _ = self._potential(body_motion(self.linkage, alphas))
+        return energy
 
     def kinetic_energy(self, alphas: ArrayLike, alpha_rate: ArrayLike) -> FloatArray:
         """Return the energy of motion at crank angles and rates, shape (k,) [J]."""
@@ -260,7 +261,8 @@ class Dynamics:
     def _inertia_and_torque(self, moving: BodyMotion, rate: Any) -> tuple[FloatArray, FloatArray]:
         """Return I, and the torque that keeps the rate."""
         inertia, inertia_1 = self._inertia(moving)
-        return inertia, inertia_1 / 2.0 * rate**2 + self._potential(moving).slope
+        _, slope = self._potential(moving)
+        return inertia, inertia_1 / 2.0 * rate**2 + slope
 
     def _inertia(self, moving: BodyMotion) -> tuple[FloatArray, FloatArray]:
         """Return I and dI/dalpha [kg m^2]."""
@@ -273,8 +275,8 @@ class Dynamics:
             inertia_1 += 2.0 * (body.mass * _dot(c_1, c_2) + body.inertia * rotation)
         return inertia, inertia_1
 
-    def _potential(self, moving: BodyMotion) -> '_Potential':
-        """Return V of weight and springs, and dV/dalpha."""
+    def _potential(self, moving: BodyMotion) -> tuple[FloatArray, FloatArray]:
+        """Return V of weight and springs [J], and dV/dalpha [N m]."""
         energy = np.zeros(moving.alphas.size)
         slope = np.zeros(moving.alphas.size)
         for j, body in enumerate(self.masses.bodies):
@@ -290,7 +292,7 @@ class Dynamics:
             energy += torsion_spring.stiffness * deflection**2 / 2.0
         for j, moment in self._moments(moving):
             slope -= moment * moving.rotation_1[j]
-        return _Potential(energy, slope)
+        return energy, slope
 
     def _moments(self, moving: BodyMotion) -> list[tuple[int, FloatArray]]:
         """Return the moments of torsion springs on bodies, by the bodies' indices [N m]."""
@@ -326,13 +328,6 @@ def _rates(count: int, rate: ArrayLike, acceleration: ArrayLike = 0.0) -> list[F
         if arrays[-1].shape not in {(), (1,), (count,)}:
             raise ValueError(f'{name} is refused: its shape must be () or ({count},)')
     return arrays
-
-
-class _Potential(NamedTuple):
-    """The potential energy V [J] and dV/dalpha [N m], shape (k,) each."""
-
-    energy: FloatArray
-    slope: FloatArray
 
 
 class _Tension(NamedTuple):
