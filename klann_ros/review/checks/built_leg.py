@@ -1,6 +1,7 @@
 """Check the built leg: crank efforts by its masses, and its dimensions by measured points."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 from klann_ros.calibration import (
@@ -14,9 +15,8 @@ from klann_ros.calibration import (
 )
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.arrays import FloatArray, IntArray
-from klann_ros.review.model.recording import Drive, LegRecording
+from klann_ros.review.model.recording import Drive, LegRecording, RunRecording
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
-from klann_ros.review.model.times import Series
 from klann_ros.sanitize.text import counted, printable
 import numpy as np
 
@@ -235,34 +235,28 @@ MAX_NAMED = 3
 def check_dimensions(review: Review) -> Iterator[Finding]:
     """Yield the legs that were built with other dimensions than those of the run."""
     for leg in review.legs:
-        points = measured_points(review, leg)
-        if not points:
-            continue
-        try:
-            calibration = _calibrated(leg, points, review.recording.start)
-        except (MeasurementError, ModuleNotFoundError):
-            # Other points, or no scipy; `calibrate` reports the reason.
-            continue
-        yield from _dimension_findings(leg, calibration)
+        calibration = None
+        # Other points, or no scipy; `calibrate` reports the reason.
+        with suppress(MeasurementError, ModuleNotFoundError):
+            calibration = _calibrated(review.recording, leg)
+        if calibration is not None:
+            yield from _dimension_findings(leg, calibration)
 
 
-def measured_points(review: Review, leg: ReviewedLeg) -> dict[str, Series]:
-    """Return the measured points of a leg by their names: topics such as `/mocap/LEG/h`."""
-    if leg.evaluated.solver.leg is None:
-        return {}
-    measured = review.recording.measured
-    topics = point_topics(measured, leg.evaluated.solver.leg.linkage, leg.recording.name)
-    return {point: measured[topic] for point, topic in topics.items()}
-
-
-def _calibrated(leg: ReviewedLeg, points: dict[str, Series], start: int) -> Calibration:
+def _calibrated(recording: RunRecording, leg: ReviewedLeg) -> Calibration | None:
+    """Return the calibration of a leg by points on topics such as `/mocap/LEG/h`, if any."""
     solver = leg.evaluated.solver
-    cranks = leg.evaluated.cranks
     if solver.leg is None:
-        raise AssertionError('measured points are those of a known leg')
+        return None
+    topics = point_topics(recording.measured, solver.leg.linkage, leg.recording.name)
+    if not topics:
+        return None
+    start = recording.start
+    cranks = leg.evaluated.cranks
     crank = CrankSamples.of((cranks.stamps - start) / 1e9, cranks.values[:, 0])
     measured = []
-    for name, series in points.items():
+    for name, topic in topics.items():
+        series = recording.measured[topic]
         times = (series.stamps - start) / 1e9
         measured.append(series_of('point', name, times, series.values, crank))
     return calibrate(solver.leg.linkage, measured, direction=solver.direction, phase=solver.phase)
