@@ -25,10 +25,10 @@ from klann_ros.review.report.annotations import annotate
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot
 from klann_ros.sanitize.files import with_home
-from klann_ros.sanitize.text import did_you_mean, printable
+from klann_ros.sanitize.text import did_you_mean, printable, printable_line
 from klann_ros.sanitize.yaml_text import content_of_file
 
-from .rows import reviewed_row, Row, unreadable_row
+from .rows import reviewed_row, Row, UNREADABLE
 
 
 @dataclass(frozen=True)
@@ -300,8 +300,11 @@ def judge_unordered(
 
 
 def _unreadable(task: Task, reason: object) -> Judged:
-    files = written(task.run)
-    return Judged(unreadable_row(task.run.path, reason, settings=task.settings, **files))
+    run = printable(task.run.path)
+    # The row has the path already.
+    text = printable_line(reason).removeprefix(f'{run} ')
+    files: dict[str, Any] = written(task.run)
+    return Judged(Row(run, UNREADABLE, text, settings=task.settings, **files))
 
 
 def judge(task: Task) -> Judged:

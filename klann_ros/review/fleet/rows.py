@@ -71,13 +71,6 @@ COUNTS = frozenset(field.name for field in fields(Row) if 'int' in str(field.typ
 _LARGEST_FIGURES = ('stride', 'lift', 'worst_residual', 'worst_angle_error', 'worst_foot_error')
 
 
-def unreadable_row(path: str, reason: object, **columns: Any) -> Row:
-    """Return the row of an unreadable run; `columns` are further ones."""
-    run = printable(path)
-    # The row has the path already.
-    return Row(run, UNREADABLE, printable_line(reason).removeprefix(f'{run} '), **columns)
-
-
 def reviewed_row(path: str, review: Review, allowed_checks: frozenset[str], **columns: Any) -> Row:
     """
     Return the row of a reviewed run; `columns` are further ones, such as its settings.

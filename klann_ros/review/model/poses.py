@@ -194,7 +194,7 @@ def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigure
     leg = recording.solver.leg
     cranks = path_angles(recording, leg) if leg else recording.poses.values[:, 0]
     alphas = cranks[np.isfinite(recording.poses.values).all(axis=1)]
-    feet = _finite(recording.feet.values)
+    feet = recording.feet.finite().values
     # Messages hold any number: overflow gives infinity.
     with np.errstate(over='ignore'):
         is_path = len(feet) and _covers_a_turn(alphas)
@@ -216,11 +216,6 @@ def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigure
         worst_angle_error=_worst(errors.angle_errors),
         worst_foot_error=_worst(errors.foot_errors),
     )
-
-
-def _finite(rows: FloatArray) -> FloatArray:
-    finite = np.isfinite(rows).all(axis=1)
-    return rows if finite.all() else rows[finite]
 
 
 def _covers_a_turn(alphas: FloatArray) -> bool:

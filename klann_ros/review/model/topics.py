@@ -70,7 +70,22 @@ class TopicRecording:
     @cached_property
     def figures(self) -> 'TopicFigures':
         """Return the figures of the topic."""
-        return _figures(self)
+        steps = time_steps(self.times)
+        latencies = self.latencies[~np.isnan(self.latencies)]
+        p50, p99 = np.percentile(latencies, [50.0, 99.0]) if len(latencies) else (nan, nan)
+        return TopicFigures(
+            name=self.name,
+            type=self.type,
+            count=len(self.times),
+            rate=1.0 / mean if steps.size and (mean := float(steps.mean())) > 0.0 else nan,
+            period=median(steps) if steps.size else nan,
+            longest_gap=float(steps.max()) if steps.size else nan,
+            latency_p50=float(p50),
+            latency_p99=float(p99),
+            lost=self.lost,
+            early=self.early,
+            publishers_left=self.publishers_left,
+        )
 
 
 @dataclass(frozen=True)
@@ -100,26 +115,6 @@ class TopicFigures:
         if self.lost is None:
             return 'unknown'
         return f'at least {self.lost}' if self.has_unknown_losses else str(self.lost)
-
-
-def _figures(topic: TopicRecording) -> TopicFigures:
-    """Return the figures of a topic."""
-    steps = time_steps(topic.times)
-    latencies = topic.latencies[~np.isnan(topic.latencies)]
-    p50, p99 = np.percentile(latencies, [50.0, 99.0]) if len(latencies) else (nan, nan)
-    return TopicFigures(
-        name=topic.name,
-        type=topic.type,
-        count=len(topic.times),
-        rate=1.0 / mean if steps.size and (mean := float(steps.mean())) > 0.0 else nan,
-        period=median(steps) if steps.size else nan,
-        longest_gap=float(steps.max()) if steps.size else nan,
-        latency_p50=float(p50),
-        latency_p99=float(p99),
-        lost=topic.lost,
-        early=topic.early,
-        publishers_left=topic.publishers_left,
-    )
 
 
 # Messages that a period needs.

@@ -11,7 +11,7 @@ from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.missing_package import install_command
 from klann_ros.review.model.answers import Cause
 from klann_ros.review.model.compare import Comparison
-from klann_ros.review.model.review import Finding, Review, ReviewedLeg
+from klann_ros.review.model.review import Review, ReviewedLeg
 from klann_ros.sanitize.text import finite, printable
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ VERSION = 1
 def save_json(review: Review, comparison: Comparison | None, file: BinaryIO) -> None:
     """Write the report to an open file: SI units, times from the start; null for unknown."""
     recording = review.recording
+    findings = []
+    for finding in review.findings:
+        findings.append({**asdict(finding), 'severity': finding.severity.name.lower()})
     content: dict[str, Any] = {
         'version': VERSION,
         'klann_ros': __version__,
@@ -38,15 +41,11 @@ def save_json(review: Review, comparison: Comparison | None, file: BinaryIO) -> 
         'legs': [*map(_leg_content, review.legs)],
         'walks': [*map(asdict, review.walks)],
         'limits': asdict(review.limits),
-        'findings': [*map(_finding_content, review.findings)],
+        'findings': findings,
     }
     if comparison is not None:
         content['comparison'] = asdict(comparison)
     file.write(f'{json.dumps(finite(content), indent=2)}\n'.encode())
-
-
-def _finding_content(finding: Finding) -> dict[str, Any]:
-    return {**asdict(finding), 'severity': finding.severity.name.lower()}
 
 
 def _leg_content(leg: ReviewedLeg) -> dict[str, Any]:
