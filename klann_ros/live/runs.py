@@ -161,18 +161,15 @@ class Reviews:
             return None
         key = program, run.name, run.time
         if key not in self._pages:
-            self._forget_old()
+            finished = [old for old, page in self._pages.items() if page.done.is_set()]
+            for old in finished[: max(0, len(self._pages) - _MAX_PAGES + 1)]:
+                self._pages.pop(old).file.unlink(missing_ok=True)
             file = self._temporary_folder() / f'{program}-{len(self._pages)}-{run.time}.html'
             self._pages[key] = Page(file)
             task = asyncio.create_task(self._make_page(run, self._pages[key], program))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
         return self._pages[key]
-
-    def _forget_old(self) -> None:
-        finished = [key for key, page in self._pages.items() if page.done.is_set()]
-        for key in finished[: max(0, len(self._pages) - _MAX_PAGES + 1)]:
-            self._pages.pop(key).file.unlink(missing_ok=True)
 
     async def _make_page(self, run: ListedRun, page: Page, program: str) -> None:
         async with self._turn:

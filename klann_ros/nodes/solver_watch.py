@@ -74,13 +74,12 @@ class SolverWatch:
         """Send due and repeated requests; to be called repeatedly."""
         self._calls.expire_calls()
         for name in list(self._due):
-            if name not in self._asked and self._has_services(name):
+            if name in self._asked:
+                continue
+            ready = [self._calls.is_ready(kind, f'{name}/{last}') for kind, last in _SERVICES]
+            if all(ready):
                 self._asked[name] = self._due.pop(name)
                 self._call(name, _SERVICES[0], ListParameters.Request(), self._on_names)
-
-    def _has_services(self, name: str) -> bool:
-        ready = [self._calls.is_ready(kind, f'{name}/{last}') for kind, last in _SERVICES]
-        return all(ready)
 
     def _request(self, name: str) -> None:
         self._due[name] = _FIRST_TIMEOUT

@@ -102,7 +102,7 @@ class SqliteStorage:
         suffixes = [
             suffix
             for suffix, magics in _JOURNAL_MAGICS.items()
-            if _starts_with(_with_name_suffix(path, suffix), magics)
+            if _starts_with(path.with_name(path.name + suffix), magics)
         ]
         if not suffixes:
             return
@@ -233,10 +233,6 @@ def _no_bag(path: Path, names: list[str]) -> str:
     return f"it is SQLite, but no bag: its tables ({tables}) are not rosbag2's topics and messages"
 
 
-def _with_name_suffix(path: Path, suffix: str) -> Path:
-    return path.with_name(path.name + suffix)
-
-
 def _starts_with(path: Path, magics: tuple[bytes, ...]) -> bool:
     """Return whether a journal has content: SQLite may keep an empty one."""
     if not is_regular_file(path):
@@ -260,7 +256,7 @@ def _checkpointed_copy(path: Path, suffixes: list[str]) -> TemporaryFile:
     max_size = 0
     # The log first: a recorder may move its content into the file meanwhile.
     for suffix in (*suffixes, ''):
-        source = _with_name_suffix(path, suffix)
+        source = path.with_name(path.name + suffix)
         size = source.stat().st_size
         end = [_NO_NAME] if suffix == _JOURNAL else []
         copy.write(chain(_blocks(source), end), suffix, size)
