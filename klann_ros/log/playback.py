@@ -6,7 +6,7 @@ One thread iterates over :meth:`Playback.passes`; others steer its transport.
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager
+from contextlib import closing
 from dataclasses import dataclass, field
 from math import inf
 from threading import Condition, Thread
@@ -71,7 +71,8 @@ class Playback:
         yield from log.latest(selection.latched, start)
         furthest = begin
         count = 0
-        with ReadAhead(log.messages(selection.topics, start=start, end=end)) as ahead:
+        messages = log.messages(selection.topics, start=start, end=end)
+        with closing(ReadAhead(messages)) as ahead:
             transport.on_interrupt(ahead.close)
             for message in ahead:
                 # A log without an index may be out of order.
@@ -90,7 +91,7 @@ def length(log: Log) -> float:
     return (log.end_time - log.start_time) / NS
 
 
-class ReadAhead(AbstractContextManager['ReadAhead']):
+class ReadAhead:
     """Iterate over messages that another thread reads ahead; its error is raised here."""
 
     def __init__(self, messages: Iterable[Message]) -> None:
@@ -108,9 +109,6 @@ class ReadAhead(AbstractContextManager['ReadAhead']):
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def __iter__(self) -> Iterator[Message]:
         while True:

@@ -14,7 +14,6 @@ from xml.etree.ElementTree import Element, fromstring, ParseError, XMLParser
 
 from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg, GeometryError, KlannGeometry, KlannLeg, LinkageLeg
-from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import SolverParameters
 from klann_ros.review.model.recording import LegRecording, LegSolver
 from klann_ros.review.model.times import Series
@@ -216,13 +215,9 @@ def _assembly(poses: Series) -> tuple[int, int]:
     """Return the assembly mode of most poses of a Klann leg, which no URDF has."""
     _, gamma, beta, delta, theta = poses.values.T
     with np.errstate(over='ignore', invalid='ignore'):
-        front_signs = np.sign(np.sin(gamma + beta))
-        back_signs = np.sign(np.sin(delta + theta))
-    return _majority(front_signs), _majority(back_signs)
-
-
-def _majority(signs: FloatArray) -> int:
-    return 1 if np.nansum(signs) >= 0.0 else -1
+        signs = np.sign(np.sin([gamma + beta, delta + theta]))
+    front, back = np.where(np.nansum(signs, axis=1) >= 0.0, 1, -1).tolist()
+    return front, back
 
 
 def _klann_leg(numbers: dict[str, float] | None, assembly: tuple[int, int]) -> KlannLeg | None:
