@@ -307,7 +307,7 @@ class WalkController:
         """Restart the set points at the measured angles, until these are current."""
         self._reset_set_points()
         # It would not have slowed down during the gaps.
-        if self._is_command_old(now):
+        if self.commands.is_old(now, self.settings.cmd_vel_timeout):
             self.motion = STANDS
         targets = self.loop.targets_before or self.positions
         displacements = []
@@ -339,9 +339,6 @@ class WalkController:
         self.motion_feedback.reset()
         self.lock.reset(self.positions)
 
-    def _is_command_old(self, now: float) -> bool:
-        return self.commands.is_old(now, self.settings.cmd_vel_timeout)
-
     def _crank_rates(self, dt: float) -> list[float]:
         """Return the rates of the cranks for the motion, within their limits [rad/s]."""
         corrected = self.motion_feedback.corrected(self.motion)
@@ -360,7 +357,8 @@ class WalkController:
         if warning := self._warning(now):
             return DiagnosticLevel.WARN, warning
         if self.motion == STANDS:
-            standing = f'standing{": no cmd_vel" * self._is_command_old(now)}'
+            is_old = self.commands.is_old(now, self.settings.cmd_vel_timeout)
+            standing = 'standing: no cmd_vel' if is_old else 'standing'
             return DiagnosticLevel.OK, self.interlocks.hold_reason or standing
         return DiagnosticLevel.OK, 'walking'
 
