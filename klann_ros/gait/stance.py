@@ -345,20 +345,20 @@ def stance_pose(
     return StancePose(support, flat, level_centre)
 
 
-def body_displacement(before: StancePose, after: StancePose) -> BodyStep:
+def body_displacement(last_pose: StancePose, pose: StancePose) -> BodyStep:
     """Return how a body moves from pose to pose by friction alone."""
-    loads = dict.fromkeys((*before.support.feet, *after.support.feet), 0.0)
-    for support in (before.support, after.support):
+    loads = dict.fromkeys((*last_pose.support.feet, *pose.support.feet), 0.0)
+    for support in (last_pose.support, pose.support):
         for foot, load in zip(support.feet, support.loads, strict=True):
             loads[foot] += load / 2.0
-    feet = [foot_motion(before.flat[i], after.flat[i], load) for i, load in loads.items()]
+    feet = [foot_motion(last_pose.flat[i], pose.flat[i], load) for i, load in loads.items()]
     max_step = max(abs(foot.motion) for foot in feet)
     return minimize_slip(feet, STICK_TOLERANCE * max_step)
 
 
-def foot_motion(before: complex, after: complex, load: float, seconds: float = 1.0) -> FootMotion:
+def foot_motion(start: complex, end: complex, load: float, seconds: float = 1.0) -> FootMotion:
     """Return the motion of a foot between two places, divided by a time."""
-    return FootMotion((after - before) / seconds, 0.5j * (before + after), load)
+    return FootMotion((end - start) / seconds, 0.5j * (start + end), load)
 
 
 def minimize_slip(

@@ -256,12 +256,12 @@ def _interpolated(samples: Sequence[Any], angle: float, *more_angles: float) -> 
     count = len(samples)
     position = angle / TURN * count - 0.5
     low = floor(position)
-    before = samples[low % count]
-    after = samples[(low + 1) % count]
+    low_value = samples[low % count]
+    high_value = samples[(low + 1) % count]
     if more_angles:
-        before = _interpolated(before, *more_angles)
-        after = _interpolated(after, *more_angles)
-    return float(before + (position - low) * (after - before))
+        low_value = _interpolated(low_value, *more_angles)
+        high_value = _interpolated(high_value, *more_angles)
+    return float(low_value + (position - low) * (high_value - low_value))
 
 
 def _low_pass(samples: FloatArray, width: float) -> FloatArray:

@@ -140,17 +140,17 @@ class Commissioning:
         self.aborted = ''
         was_closed = True
         while not self.aborted:
-            after = self._encoders[joint][-1]
-            before = self._encoders[joint][-2:][0]  # the same while it is the only one
+            last = self._encoders[joint][-1]
+            last_but_one = self._encoders[joint][-2:][0]  # the same while it is the only one
             if is_closed() and not was_closed:
-                edge = (before.position + after.position) / 2.0
+                edge = (last_but_one.position + last.position) / 2.0
                 self._take_zero(joint, edge)
                 break
             was_closed = is_closed()
-            rotation = (after.position - start) / drive.encoder_ratio
+            rotation = (last.position - start) / drive.encoder_ratio
             if abs(rotation) > 1.1 * TURN:
                 self.aborted = 'its switch has not closed in a turn'
-            elif self.now - after.at > self._settings.timeout:
+            elif self.now - last.at > self._settings.timeout:
                 self.aborted = 'crank_state is silent'
             yield {joint: self._settings.rate * drive.motor_ratio}
         if self.aborted:

@@ -242,6 +242,6 @@ class StanceEstimator:
         standing = []
         for foot, load in enumerate(loads):
             if load > 0.0:
-                before, after = self._last_pose.flat[foot], self.pose.flat[foot]
-                standing.append(stance.foot_motion(before, after, load, dt))
+                start, end = self._last_pose.flat[foot], self.pose.flat[foot]
+                standing.append(stance.foot_motion(start, end, load, dt))
         return standing

@@ -338,10 +338,10 @@ class Walker:
         }
 
 
-def _mean_motion(before: OdometryEstimate, after: OdometryEstimate, seconds: float) -> Twist2D:
+def _mean_motion(last: OdometryEstimate, estimate: OdometryEstimate, seconds: float) -> Twist2D:
     """Return the mean motion from pose to pose: velocities at instants would miss impacts."""
-    rotation = wrap(after.yaw - before.yaw)
-    middle = before.yaw + rotation / 2.0
-    dx, dy = after.x - before.x, after.y - before.y
+    rotation = wrap(estimate.yaw - last.yaw)
+    middle = last.yaw + rotation / 2.0
+    dx, dy = estimate.x - last.x, estimate.y - last.y
     forwards = dx * cos(middle) + dy * sin(middle)
     return Twist2D(forwards / seconds, rotation / seconds)

@@ -175,9 +175,9 @@ def _interpolated(
     columns = [np.interp(new_angles, alphas, column, period=_FULL_TURN) for column in feet.T]
     nodes = np.sort(np.mod(alphas, _FULL_TURN))
     nodes = np.concatenate([nodes[-1:] - _FULL_TURN, nodes, nodes[:1] + _FULL_TURN])
-    after = np.clip(np.searchsorted(nodes, new_angles), 1, len(nodes) - 1)
+    next_nodes = np.clip(np.searchsorted(nodes, new_angles), 1, len(nodes) - 1)
     # The error is this half product times the curvature of the path.
-    half_products = (new_angles - nodes[after - 1]) * (nodes[after] - new_angles) / 2
+    half_products = (new_angles - nodes[next_nodes - 1]) * (nodes[next_nodes] - new_angles) / 2
     return np.column_stack(columns), half_products < _MAX_CHORD
 
 

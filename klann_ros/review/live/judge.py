@@ -66,20 +66,20 @@ class _LossCounter:
         self._gaps: deque[tuple[int, int]] = deque()
 
     def add(self, number: int) -> None:
-        before = self._last
+        last = self._last
         self._last = number
-        resumes = number == self._reached + 1 and number > before + 1
+        resumes = number == self._reached + 1 and number > last + 1
         # A new publisher starts at 1, about; the numbers of two at once go back and forth.
-        self._is_shared |= not number or resumes or before // 2 < number <= before
+        self._is_shared |= not number or resumes or last // 2 < number <= last
         if self._is_shared:
             return
         self._ordered += 1
-        if number <= before:
-            self._reached = before
+        if number <= last:
+            self._reached = last
             self._ordered = 0
             self._gaps.clear()
-        elif before and number > before + 1 and self._ordered > _MIN_ORDERED:
-            self._gaps.append((self._ordered + _MIN_ORDERED, number - before - 1))
+        elif last and number > last + 1 and self._ordered > _MIN_ORDERED:
+            self._gaps.append((self._ordered + _MIN_ORDERED, number - last - 1))
         while self._gaps and self._gaps[0][0] <= self._ordered:
             self.lost += self._gaps.popleft()[1]
 
@@ -100,7 +100,7 @@ class LiveJudge:
         # Topics whose last command was to stand, and those with a lease: no command is due.
         self._standing: set[str] = set()
         self._leased: frozenset[str] = frozenset()
-        self._before: set[tuple[str, str]] = set()
+        self._last_keys: set[tuple[str, str]] = set()
         self._changes: list[LiveFinding] = []
 
     def add_all(self, messages: Iterable[Message]) -> None:
@@ -109,10 +109,10 @@ class LiveJudge:
 
     def set_solver(self, solver: SolverParameters) -> None:
         """Set the parameters of a solver; a changed leg is a finding."""
-        before = self._window.solver(solver.node)
+        old_solver = self._window.solver(solver.node)
         self._window.set_solver(solver)
-        if before is not None:
-            self._changes += _changes(before, solver)
+        if old_solver is not None:
+            self._changes += _changes(old_solver, solver)
 
     def reset(self) -> None:
         """Reset, as after a pause; solver parameters stay."""
@@ -152,9 +152,9 @@ class LiveJudge:
         unmarked += self._silent(now, published)
         findings = []
         for finding in unmarked:
-            is_new = (finding.check, finding.leg) not in self._before
+            is_new = (finding.check, finding.leg) not in self._last_keys
             findings.append(replace(finding, is_new=is_new))
-        self._before = {(finding.check, finding.leg) for finding in findings}
+        self._last_keys = {(finding.check, finding.leg) for finding in findings}
         return sorted(findings, key=lambda finding: -finding.severity)
 
     def _reviewed(self) -> Iterator[LiveFinding]:
@@ -241,11 +241,11 @@ class LiveJudge:
         self._lost = dict(lost)
 
 
-def _changes(before: SolverParameters, after: SolverParameters) -> Iterator[LiveFinding]:
+def _changes(old_solver: SolverParameters, solver: SolverParameters) -> Iterator[LiveFinding]:
     """Yield the changed dimensions of the legs of a solver."""
-    namespace = parent(after.node)
-    old_solvers = leg_solvers([before], namespace)
-    new_solvers = leg_solvers([after], namespace)
+    namespace = parent(solver.node)
+    old_solvers = leg_solvers([old_solver], namespace)
+    new_solvers = leg_solvers([solver], namespace)
     for name in old_solvers.keys() & new_solvers.keys():
         old_dimensions = leg_dimensions(old_solvers[name])
         changes = []
@@ -254,5 +254,5 @@ def _changes(before: SolverParameters, after: SolverParameters) -> Iterator[Live
             if quantity != old_quantity:
                 changes.append(f'{dimension} is {quantity}, was {old_quantity}')
         if changes:
-            text = f'{printable(after.node)} changed its leg: {", ".join(changes)}'
-            yield LiveFinding('geometry', Severity.WARNING, text, after.time, name)
+            text = f'{printable(solver.node)} changed its leg: {", ".join(changes)}'
+            yield LiveFinding('geometry', Severity.WARNING, text, solver.time, name)

@@ -53,8 +53,8 @@ class SolvedBlock(NamedTuple):
 
     def angle_errors(self, leg: AnyLeg) -> FloatArray:
         """Return the error of each angle but the crank's, modulo a turn [rad]."""
-        apart: FloatArray = np.abs(differences(leg, self.recorded[:, 1:], self.solved[:, 1:]))
-        return apart
+        errors: FloatArray = np.abs(differences(leg, self.recorded[:, 1:], self.solved[:, 1:]))
+        return errors
 
 
 @dataclass(frozen=True, eq=False)
