@@ -22,7 +22,6 @@ SOURCE is a file, - for the standard input, or the text itself, in one of these 
 """
 EPILOG = """\
 The loop_closures.yaml of a URDF is in its folder (of -, the current one), ../config or ./config.
-Gears, chains, several motors and linear actuators are refused.
 Exit code: 0 written, 2 SOURCE or an option is refused, 3 OUT.yaml cannot be written."""
 UNITS = {'mm': 1.0, 'cm': 10.0, 'm': 1000.0, 'in': INCH}
 

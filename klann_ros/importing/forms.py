@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from klann_ros.kinematics import GROUND
-from klann_ros.sanitize.text import printable, printable_line
+from klann_ros.sanitize.text import listed, printable, printable_line
 from klann_ros.sanitize.yaml_text import load, MAX_FILE_SIZE, YamlError
 
 from .mechanism import Joint, MAX_JOINTS, MechanismError, PIN, PIN_IN_SLOT, SLIDER
@@ -31,11 +31,9 @@ _PMKS_JOINT = re.compile(
 )
 _PMKS_START = r'(?!<)(.*\bmech=|[^|\n]+[\s,](?i:R|P|RP|G)[\s,]+[-.\d]+[\s,]+[-.\d])'
 _PMKS_PLUS_DIGITS = '0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_-'
-# Cells that mark no joint.
-_NO = {'', '0', 'no', 'f', 'false', '-'}
-# Attributes in files of Linkage of what no linkage file can describe; the layer of drawings.
+_NO = {'', '0', 'no', 'f', 'false', '-'}  # cells that mark no joint
+# Attributes in files of Linkage of what no linkage file can describe.
 _LINKAGE2_REFUSED = ('actuator', 'gear', 'fasten', 'fastenlink', 'fastenconnector', 'slideradius')
-_DRAWING_LAYER = '1'
 
 
 def read_joints(text: str, form: str, unit: float, read_loops: Callable[[], str]) -> list[Joint]:
@@ -128,7 +126,7 @@ def _read_linkage2(text: str) -> Iterable[Joint]:
     # Linkage writes & in names as it is, and reads attributes without a space between them.
     text = re.sub(r'(="[^"<]*")(?=\w)', r'\1 ', re.sub(r'&(?!#?\w+;)', '&amp;', text))
     root = xml_root(text, 'linkage2')
-    elements = [element for element in root if element.get('layer') != _DRAWING_LAYER]
+    elements = [element for element in root if element.get('layer') != '1']  # of drawings
     for element in elements:
         for attribute in _LINKAGE2_REFUSED:
             if element.get(attribute, 'false') != 'false':
@@ -163,11 +161,18 @@ def _read_csv(text: str) -> Iterator[Joint]:
     lines = text.splitlines()
     delimiter = next((mark for mark in ';\t' if mark in lines[0]), ',')
     header = [cell.strip().lower() for cell in next(csv.reader(lines, delimiter=delimiter))]
+    units = [cell for cell in header if re.match(r'(x|y|angle) *[\[(]', cell)]
+    if units:
+        raise MechanismError(f'{listed(units)}: lengths are in --unit, angles in deg; omit units')
     has_header = {'name', 'x', 'y', 'links'}.issubset(header)
     columns = header if has_header else ('name', 'x', 'y', 'links')
     rows = csv.DictReader(lines[has_header:], columns, restval='', delimiter=delimiter)
     for row in islice(rows, MAX_JOINTS + 1):
-        row['links'] = ' '.join([row['links'], *row.pop(None, [])])
+        cells = [row['links'], *row.pop(None, [])]
+        # A decimal comma between commas makes two cells of a number.
+        if len(cells) == 3 and re.fullmatch(r'[-\s\d]+', cells[0] + cells[1]) and cells[2].strip():
+            raise MechanismError(f'{listed(cells)} are no links: state them in one cell, or use ;')
+        row['links'] = ' '.join(cells)
         for column in {'x', 'y', 'angle'}.intersection(row) if delimiter != ',' else ():
             row[column] = row[column].replace(',', '.')
         yield _joint(row)
@@ -194,10 +199,7 @@ def _joint(row: Mapping[str, str]) -> Joint:
 
 # The reader of a form, the start of its texts (the first that matches counts), its description.
 FORMS: dict[str, tuple[Callable[..., Iterable[Joint]], str, str]] = {
-    'pyslvs': (
-        *(_read_pyslvs, r'(?!<).*\bM ?\['),
-        'M[J[R, P[x, y], L[ground, L1]], ...] of Pyslvs, or YAML with it',
-    ),
+    'pyslvs': (_read_pyslvs, r'(?!<).*\bM ?\[', 'M[J[R, P[x, y], L[ground, a]], ...] of Pyslvs'),
     'pmks+': (_read_pmks_plus, r'(?!<)(.*\?)?([\w,%-]*\.){4}[^\n?]*$', 'whole URL of PMKS+'),
     'pmks': (_read_pmks, _PMKS_START, 'URL or text of PMKS, in lines as ground, L1, R, 0, 0'),
     'linkage2': (_read_linkage2, '(?!.*<robot)<', '.linkage2 file of Linkage by D. Rector'),
