@@ -1,13 +1,15 @@
 """`drive`: what it sends and shows, and that what it moves stands at its end."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 import re
 import signal
 
 from domain import own_domain
 from geometry_msgs.msg import Pose, Twist, TwistStamped
-from klann_ros.nodes.drive.node import _print, read_options
+from klann_ros.messages import ANGLE_TYPES
+from klann_ros.nodes.drive import node as drive
+from klann_ros.nodes.drive.node import _print, COMMANDS, JOINT_STATE, read_options
 from klann_ros.nodes.endpoints import LATCHED
 from nav_msgs.msg import Odometry
 import pytest
@@ -59,6 +61,7 @@ def test_what_it_moves_stands_when_it_ends_in_whatever_way(ros: Domain) -> None:
     )
     ros.probe.until(lambda: all([*commands.values(), walks, unstamped, turning]))
     for name, number in signals.items():
+        assert drives[name].popen.poll() is None
         drives[name].popen.send_signal(number)
     drives['turning'].popen.send_signal(signal.SIGTERM)
     assert {*ended(ros, *drives.values())} == {0}
@@ -164,3 +167,32 @@ def test_negative_quantities_are_no_options() -> None:
     options = read_options(['drive', 'walk', '-5cm/s', '--turn', '-10deg/s'])
     assert options.words == ['-5cm/s']
     assert options.turn == pytest.approx(-0.174533, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('quantities', 'topic', 'contents'),
+    [
+        (['0.5rad/s'], 'crank_command', {JOINT_STATE: {'name': ['crank'], 'velocity': [0.5]}}),
+        (
+            ['left=1rad', '-2rad'],
+            'crank_state',
+            {JOINT_STATE: {'name': ['left', 'crank'], 'position': [1.0, -2.0]}},
+        ),
+        (['1rad'], 'crank_angle', {kind: {'data': 1.0} for kind in ANGLE_TYPES}),
+    ],
+)
+def test_a_crank_without_a_name_is_called_crank_or_has_an_angle_alone(
+    quantities: list[str],
+    topic: str,
+    contents: Mapping[str, object],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    sent: list[object] = []
+
+    def send(*arguments: object) -> Iterator[None]:
+        sent.extend(arguments)
+        yield
+
+    monkeypatch.setattr(drive, '_send', send)
+    assert [*COMMANDS['crank'](None, *quantities)] == [None]
+    assert sent == [None, topic, contents]
