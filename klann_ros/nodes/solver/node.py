@@ -95,8 +95,7 @@ class SolverNode(ProcessNode):
             self._warn(error)
 
     def _warn(self, error: KinematicsError) -> None:
-        text = f'input rejected: {error}'
-        self.get_logger().warning(text, throttle_duration_sec=LOG_PERIOD)
+        self.get_logger().warning(f'input rejected: {error}', throttle_duration_sec=LOG_PERIOD)
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         try:

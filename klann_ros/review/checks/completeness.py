@@ -140,6 +140,7 @@ def _missing_poses(review: Review) -> str:
     joints = dict.fromkeys(chain.from_iterable(solver.joint_names for solver in solvers))
     cranks = dict.fromkeys(solver.crank_joint for solver in solvers)
     topics = [f'{printable(name)} has {listed(names)}' for name, names in recording.joints.items()]
+    topics.append('a leg with other joints needs --geometry FILE')
     return f'a leg is {listed(joints)}, its crank {listed(cranks)}; {"; ".join(topics)}'
 
 
