@@ -248,12 +248,8 @@ def _answer_tasks(connection: Connection, function: _Function) -> None:
     warnings.simplefilter('ignore')  # as each worker would print it, in Python's form
     while True:
         try:
-            item = connection.recv()
+            connection.send(_call(function, connection.recv()))
         except (EOFError, OSError):
-            return
-        try:
-            connection.send(_call(function, item))
-        except OSError:
             return
 
 

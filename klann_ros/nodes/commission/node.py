@@ -135,7 +135,8 @@ class CommissionNode(ProcessNode):
     def on_callback_error(self) -> None:
         """Stop the cranks: the failed step would count as the last one."""
         if not self._is_complete:
-            self._end('it failed, as its log says: nothing is written')
+            with suppress(OSError):  # of a closed pipe, which may be what failed
+                self._end('it failed, as its log says: nothing is written')
         self._finish(1)
 
     def _procedure(self, robot: Robot, options: argparse.Namespace) -> Iterator[Rates]:

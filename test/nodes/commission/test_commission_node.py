@@ -90,6 +90,21 @@ def test_a_failed_step_is_no_end_of_the_last_one(ros: Domain, tmp_path: Path) ->
     assert not (tmp_path / 'cranks.yaml').exists()
 
 
+@pytest.mark.slow
+def test_a_closed_pipe_stops_the_cranks(ros: Domain) -> None:
+    robot(ros, 'imu_missing')
+    commands = Commands(ros)
+    to_head = ['bash', '-c', 'set -o pipefail; "$0" "$@" | head -1']
+    process = ros.start_by(to_head, 'commission_node', '--yes', *SIMULATED, '-p', 'angle:=0.05')
+    commands.until_turning()
+    assert process.wait() == 1
+    commands.until_zero()
+    assert process.output == 'left_crank turns\n'
+    assert 'BrokenPipeError' in process.errors
+    assert 'Traceback' not in process.errors
+    assert 'Exception ignored' not in process.errors
+
+
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_stops_the_cranks(ros: Domain, number: signal.Signals) -> None:
     robot(ros, 'imu_missing')
