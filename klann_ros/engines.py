@@ -10,6 +10,7 @@ item without an answer yields a `TaskError` with the reason.
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from importlib.util import find_spec
 from itertools import islice
 import logging
@@ -246,11 +247,9 @@ def _answer_tasks(connection: Connection, function: _Function) -> None:
     # Ctrl-C reaches all processes of a terminal; only the parent handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter('ignore')  # as each worker would print it, in Python's form
-    while True:
-        try:
+    with suppress(EOFError, OSError):
+        while True:
             connection.send(_call(function, connection.recv()))
-        except (EOFError, OSError):
-            return
 
 
 def _call(function: _Function, item: Any) -> Any:
