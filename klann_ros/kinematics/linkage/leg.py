@@ -366,7 +366,7 @@ class Leg(Generic[PoseT, MotionT]):
             The pose is one of another linkage.
 
         """
-        # Without a velocity it has no derivatives.
+        # This raises both errors: a pose without a velocity has no derivatives either.
         self.velocity(pose, 1.0)
         if self._linkage.change_points:
             # The motion goes on through a change point, but no other dimensions have one.
