@@ -4,6 +4,7 @@ from math import atan2, ceil, degrees, nan, pi, radians, remainder
 from typing import Any, SupportsFloat
 
 from klann_ros.sanitize.units import warn_of_degrees
+import numpy as np
 
 from .arrays import FloatArray
 from .errors import CrankAngleError
@@ -28,6 +29,13 @@ def wrap(angle: float) -> float:
         return angle
     wrapped = remainder(angle, TURN)
     return pi if wrapped == -pi else wrapped
+
+
+def unwrapped(angles: FloatArray) -> FloatArray:
+    """Return an encoder's angles, counted on over turns if all are within about one [rad]."""
+    start = angles.min(initial=np.inf)
+    is_wrapped = np.isfinite(start) and angles.max() <= start + 1.01 * TURN
+    return np.unwrap(angles, axis=0) if is_wrapped else angles
 
 
 def enclosing_turns(angles: FloatArray) -> int:

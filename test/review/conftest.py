@@ -86,6 +86,8 @@ class Script:
     crank_efforts: Sequence[float] = ()
     pose_efforts: Sequence[float] = ()
     latency: int = 200_000
+    # Whether the messages are numbered over all topics.
+    numbered_by_file: bool = False
     crank: Topic = CRANK
     poses: Topic = POSES
     feet: Topic = FEET
@@ -156,6 +158,11 @@ class Script:
                 self.move(n, alpha % 360.0)
             else:
                 self.change(n, alpha=alpha)
+
+    def wrap(self) -> None:
+        """Ask for angles within (-pi, pi]."""
+        for n, answer in enumerate(self.answers):
+            self.change(n, alpha=math.remainder(answer.alpha, math.tau))
 
     def stand(self, first: int, last: int) -> None:
         """Let the crank stand still from one answer to another."""
@@ -469,9 +476,12 @@ def write(script: Script, folder: Path) -> Path:
     with RunWriter(folder) as run:
         for name, content in metadata(script):
             run.add_metadata(name, content)
-        for message in sorted(_received(script), key=lambda message: message.log_time):
+        received = sorted(_received(script), key=lambda message: message.log_time)
+        for number, message in enumerate(received, start=1):
             numbers, time = script.misdated.get(message.topic.name, ((), 0))
             is_misdated = message.sequence in numbers
+            if script.numbered_by_file:
+                message = replace(message, sequence=number)  # noqa: PLW2901
             run.write(replace(message, log_time=time) if is_misdated else message)
     return folder
 

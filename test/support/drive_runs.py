@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from math import nan
+from math import nan, tau
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +60,8 @@ class DriveRun:
     uncommanded: tuple[float, float] = (0.0, 0.0)
     blocked: tuple[float, float] = (0.0, 0.0)
     invalid: tuple[float, float] = (0.0, 0.0)
+    # Whether the encoders begin again at each turn, within the one below 0.
+    wrapped: bool = False
     # Ratio of the length of the shank to that of the solver's leg.
     scale: float = 1.0
     # Whether a last command to stand is missing.
@@ -106,6 +108,8 @@ class DriveRun:
 
     def _feedback(self, n: int, time: float, cranks: Any, rate: float) -> Iterator[Message]:
         angles = [nan, nan] if n < self.unknown or _is_in(time, self.invalid) else cranks.tolist()
+        if self.wrapped:
+            angles = [crank % tau - tau for crank in angles]
         for index, topic in enumerate(self.feedback):
             # Each publisher stamps by its own moment.
             late = time + 0.002 * index

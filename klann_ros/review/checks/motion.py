@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from math import degrees, nan
 
-from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
+from klann_ros.kinematics.angles import MAX_CRANK_ANGLE, TURN, unwrapped
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.recording import LegRecording
@@ -12,7 +12,6 @@ from klann_ros.review.model.times import median, merge_intervals, overlaps, pair
 from klann_ros.sanitize.text import listed, times as repeated
 import numpy as np
 
-_FULL_TURN = 2 * np.pi
 # A jump exceeds the median change by this factor.
 _JUMP_RATIO = 5.0
 # An interval with missing messages exceeds the median by this factor.
@@ -47,7 +46,7 @@ def check_motion(review: Review) -> Iterator[Finding]:
 
 def back_and_forth(review: Review, leg: LegRecording) -> IndexArray:
     """Return the inputs after which the crank jumps, and back at its next jump: two sources."""
-    steps = np.diff(leg.cranks.values[:, 0])
+    steps = np.diff(unwrapped(leg.cranks.values[:, 0]))
     jumps = np.flatnonzero(np.abs(steps) > review.limits.crank_jump)
     jump_sizes = steps[jumps]
     returns = np.abs(jump_sizes[:-1] + jump_sizes[1:]) < np.abs(jump_sizes[:-1]) / 2
@@ -67,7 +66,7 @@ def _is_shared(review: Review, leg: LegRecording) -> bool:
 
 
 def _swaps(review: Review, leg: LegRecording, swaps: IndexArray) -> Finding:
-    max_jump = degrees(np.abs(np.diff(leg.cranks.values[:, 0])[swaps]).max())
+    max_jump = degrees(np.abs(np.diff(unwrapped(leg.cranks.values[:, 0]))[swaps]).max())
     repetition = repeated(swaps.size)
     text = f'the crank angle jumps back and forth {repetition}, by up to {max_jump:.3g} deg'
     topics = listed(sorted(leg.crank_topics))
@@ -84,9 +83,8 @@ def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
     alphas = leg.cranks.values[:, 0]
     times = leg.cranks.times
     is_valid = np.abs(alphas) <= MAX_CRANK_ANGLE
-    if not is_valid.all():
-        alphas = alphas[is_valid]
-        times = times[is_valid]
+    alphas = unwrapped(alphas[is_valid])
+    times = times[is_valid]
     if len(alphas) < 2:
         return
     steps = np.abs(np.diff(alphas))
@@ -111,7 +109,7 @@ def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
         max_jump = degrees(steps[jumps].max())
         text = f'the crank angle jumps {repeated(jumps.size)}, by up to {max_jump:.3g} deg'
         meaning = 'the angle was set, an encoder slips, or inputs were lost before publishing'
-        # An angle in degrees begins again at 360, or at 180; one in radians at 2 pi.
+        # An angle in degrees begins again at 360, or at 180.
         if np.abs(steps[jumps] - 360.0).max() <= max(2.0 * median_step, 1.0):
             meaning = 'the angle is in degrees, and has to be in radians'
         time = review.since_start(times[jumps[0] + 1])
@@ -160,7 +158,7 @@ def _path_drift(leg: LegRecording) -> float:
     quarter = len(alphas) // _DRIFT_PARTS
     first = slice(0, quarter)
     last = slice(len(alphas) - quarter, len(alphas))
-    if quarter < _DRIFT_PARTS or min(np.ptp(alphas[first]), np.ptp(alphas[last])) < _FULL_TURN:
+    if quarter < _DRIFT_PARTS or min(np.ptp(alphas[first]), np.ptp(alphas[last])) < TURN:
         return nan
     first_feet, is_exact = _interpolated(alphas[first], feet[first], alphas[last])
     distances = np.hypot(*(feet[last] - first_feet).T)[is_exact]
@@ -171,10 +169,10 @@ def _interpolated(
     alphas: FloatArray, feet: FloatArray, new_alphas: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Return feet at other crank angles, and where the interpolation is exact enough."""
-    new_angles = np.mod(new_alphas, _FULL_TURN)
-    columns = [np.interp(new_angles, alphas, column, period=_FULL_TURN) for column in feet.T]
-    nodes = np.sort(np.mod(alphas, _FULL_TURN))
-    nodes = np.concatenate([nodes[-1:] - _FULL_TURN, nodes, nodes[:1] + _FULL_TURN])
+    new_angles = np.mod(new_alphas, TURN)
+    columns = [np.interp(new_angles, alphas, column, period=TURN) for column in feet.T]
+    nodes = np.sort(np.mod(alphas, TURN))
+    nodes = np.concatenate([nodes[-1:] - TURN, nodes, nodes[:1] + TURN])
     next_nodes = np.clip(np.searchsorted(nodes, new_angles), 1, len(nodes) - 1)
     # The error is this half product times the curvature of the path.
     half_products = (new_angles - nodes[next_nodes - 1]) * (nodes[next_nodes] - new_angles) / 2

@@ -23,6 +23,8 @@ _MESSAGE_OVERHEAD = 16
 # Different descriptions of a topic that are read, and measured points.
 _MAX_DESCRIPTIONS = 32
 _MAX_MEASURED = 20_000
+# Changes of the topic over which numbers of publishers never increase throughout.
+_MIN_SWITCHES = 20
 # Cranks that commands without names are read for.
 _MAX_CRANKS = 64
 
@@ -332,6 +334,9 @@ class LogColumns:
         times = block.log_times
         published = block.publish_times
         numbers = block.heads['sequence'].astype(np.int64)
+        switches = np.count_nonzero(np.diff(block.heads['channel']))
+        if switches >= _MIN_SWITCHES and (np.diff(numbers) > 0).all():
+            numbers[:] = 0  # Those of the file are not those of publishers.
         for topic, rows in _by_topic(block):
             if topic not in self._topics:
                 self._topics[topic] = _TopicColumns(topic, self._joints, self._rate_kind)

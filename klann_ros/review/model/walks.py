@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from math import nan
 from typing import Any, NamedTuple
 
+from klann_ros.kinematics.angles import TURN, unwrapped
 from klann_ros.kinematics.arrays import FloatArray, IntArray
 import numpy as np
 
@@ -80,14 +81,17 @@ class _CrankLag(NamedTuple):
 def _crank_figures(walk: WalkRecording) -> dict[str, Any]:
     """Return the largest lag and phase error of a walker's cranks."""
     crank_lags = []
-    for joint, state in walk.states.items():
-        if len(state) < _MIN_WALK_MESSAGES:
+    for joint, recorded in walk.states.items():
+        if len(recorded) < _MIN_WALK_MESSAGES:
             continue
+        state = replace(recorded, values=unwrapped(recorded.values))
         command = _positions(walk, joint, state)
         if len(command):
             begin = state.stamps.min()
             is_known = (command.stamps >= begin) & (command.stamps <= state.stamps.max())
             lags = _interpolate(state, command.stamps)[:, 0] - command.values[:, 0]
+            # The angle of an encoder that wraps may start whole turns off.
+            lags -= TURN * np.round(lags[is_known][:1] / TURN).sum()
             crank_lags.append(_CrankLag(np.where(is_known, lags, 0.0), command))
         velocities = _command_of(walk, walk.velocities, joint)
         if len(velocities) >= _MIN_WALK_MESSAGES:
