@@ -31,9 +31,11 @@ ROLES = {
 }
 # Parts of the names of columns that are fields of messages (PlotJuggler).
 MESSAGE_FIELDS = {'point', 'pose', 'position', 'transform', 'translation', 'data'}
-_UNIT = re.compile(r'^(.+?)(?:\s*[\[(]\s*(.+?)\s*[\])]|[ _](deg|min|ms|mm|cm|rad|px|s|m))$')
+_UNIT = re.compile(r'^(.+?)(?:\s*[\[(]\s*(.+?)\s*[\])]|[ _](deg|min|[mun]s|mm|cm|rad|px|s|m))$')
 # Hours, minutes, seconds and their decimals (Kinovea).
 _TIME_CODE = re.compile(r'(\d{1,3}):(\d\d):(\d\d)[:.](\d{2,3})')
+# A comma that does not group thousands.
+_DECIMAL_COMMA = re.compile(r'[+-]?(0,|\d+,(?!\d{3}$))')
 _STAMP = re.compile(r'^.*[./_]stamp[./_]')
 _AXIS = re.compile(r'^(.+?)[_./ ]+([xyXY])$')
 
@@ -166,7 +168,13 @@ def _columns(path: str, leg: RobotLeg) -> list[Column]:
     names, rows, tracks = _rows(path)
     table = np.array(rows, dtype=np.float64)
     if {name.lower() for name in names[1:]} == {'x', 'y'}:
-        table = _beside(path, np.split(table, [*tracks][1:]))
+        parts = np.split(table, [*tracks][1:])
+        if any(not np.array_equal(part[:, 0], parts[0][:, 0]) for part in parts):
+            raise MeasurementError(
+                f'{printable(path)} has {len(parts)} tracks of different times: export them over '
+                f'the same frames, or one in each file'
+            )
+        table = np.hstack([parts[0], *(part[:, 1:] for part in parts[1:])])
         axes = [f'{track}.{axis}' for track in tracks.values() for axis in names[1:]]
         names = [names[0], *(axis.removeprefix('.') for axis in axes)]
     columns = []
@@ -179,9 +187,9 @@ def _columns(path: str, leg: RobotLeg) -> list[Column]:
 def _rows(path: str) -> _Rows:
     lines = decoded_text(path, MeasurementError, MAX_TABLE_SIZE).splitlines()
     lines = ['' if line.startswith('sep=') else line for line in lines]
-    first = next((line for line in lines if line.strip() and not line.startswith(COMMENTS)), ',')
-    delimiter = next((mark for mark in ';\t,' if mark in first), ' ')
-    words = first.split()
+    likely = [line for line in lines if line.strip() and not line.startswith(COMMENTS)]
+    delimiter = next((m for m in ';\t,' if 2 * sum(m in x for x in likely) > len(likely)), ' ')
+    words = likely[len(likely) // 2].replace(', ', ',').split() if likely else ()
     if delimiter == ',' and len(words) > 1 and None not in map(_number, _decimal(words)):
         delimiter = ' '
     header: list[list[str]] = []
@@ -197,7 +205,8 @@ def _rows(path: str) -> _Rows:
         row = [*map(_number, cells if delimiter == ',' else _decimal(cells))]
         is_header = row[cells.index(next(filter(None, cells)))] is None
         if is_header and not rows.numbers and len(header) < MAX_HEADER_LINES:
-            header.append(cells)
+            # Notes may stand above it.
+            header += [cells] * (len(cells) > 1)
             continue
         first_row = rows.numbers[0] if rows.numbers else row
         problem = 'it begins with a word' if is_header else _row_problem(row, first_row)
@@ -223,7 +232,7 @@ def _decimal(cells: Sequence[str]) -> list[str]:
 def _number(cell: str) -> float | None:
     """Return the number in a cell, or the seconds of a time code; NaN of none, None of a word."""
     with suppress(ValueError):
-        return float(cell or 'nan')
+        return float((cell.replace(',', '.') if _DECIMAL_COMMA.match(cell) else cell) or 'nan')
     code = _TIME_CODE.fullmatch(cell)
     if code is None:
         return None
@@ -240,16 +249,6 @@ def _row_problem(row: Sequence[float | None], first_row: Sequence[float | None])
         if number == number and (number is None) != (first_number is None):  # noqa: PLR0124
             return f'column {n} has words and numbers'
     return ''
-
-
-def _beside(path: str, tracks: Sequence[FloatArray]) -> FloatArray:
-    """Return tracks of the same times as one table, with the columns of times once."""
-    if any(not np.array_equal(track[:, 0], tracks[0][:, 0]) for track in tracks):
-        raise MeasurementError(
-            f'{printable(path)} has {len(tracks)} tracks of different times: export them over '
-            f'the same frames, or one in each file'
-        )
-    return np.hstack([tracks[0], *(track[:, 1:] for track in tracks[1:])])
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
@@ -272,9 +271,9 @@ def _header_names(
         likely = [cells for cells in comments if len(cells) == count]
         likely.sort(key=lambda cells: cells[0].lower() in (*ROLES['time'], *ROLES['frame']))
         return likely[-1] if likely else [''] * count
-    names = [*header[-1], *[''] * count][:count]
+    points, names = ([*cells, *[''] * count][:count] for cells in (header[0], header[-1]))
     point = ''
-    for n, cell in enumerate(header[0][:count] if len(header) > 1 else ()):
+    for n, cell in enumerate(points if len(header) > 1 else ()):
         point = cell or point
         names[n] = f'{point}.{names[n]}' if point else names[n]
     return names

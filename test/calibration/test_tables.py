@@ -3,6 +3,7 @@
 from collections.abc import Callable
 import math
 from pathlib import Path
+import re
 
 from klann_ros.calibration.command import main
 from klann_ros.calibration.measurements import MeasuredSeries
@@ -93,6 +94,10 @@ def load(tmp_path: Path, content: str, options: TableOptions) -> list[MeasuredSe
         (lambda: text(columns(), '\t'.join(NAMES), '\t'), TableOptions()),
         (lambda: 'sep=;\n' + text(columns(), ';'.join(NAMES), ';').replace('.0', ',0'),
          TableOptions()),
+        # Spreadsheets of Portugal and Brazil put decimal commas in quotes.
+        (lambda: re.sub(r'(-?[0-9]+)\.([0-9]+)', r'"\1,\2"', text(columns())), TableOptions()),
+        (lambda: 'Ready.\nTurn the crank\n\nGo\n' + text(columns()), TableOptions()),
+        (lambda: text(in_units(time=1e9), 'time_ns,crank,H.x,H.y,G.x,G.y'), TableOptions()),
         (lambda: text(columns(), JOURNAL), TableOptions()),
         (lambda: text(in_units(time=1e3, crank=DEGREES, H_x=1e3, H_y=1e2),
                       'Time (ms),crank_deg,H x [mm],H_y_cm,G_x,G_y'), TableOptions()),
@@ -117,6 +122,8 @@ def load(tmp_path: Path, content: str, options: TableOptions) -> list[MeasuredSe
          TableOptions({'H.x': 'foot.x', 'H.y': 'foot, y'})),
         (lambda: text(columns(), '\t\tH\t\tG\t\t\nt\tcrank\tx\ty\tx\ty\t', '\t'),
          TableOptions({'crank': '2'})),
+        (lambda: text(columns(), '\t\tH\t\tG\nt\tcrank\tx\ty\tx\ty', '\t'),
+         TableOptions({'crank': '2'})),
     ],
 )  # fmt: skip
 def test_a_table_has_the_same_numbers_however_it_is_written(
@@ -128,6 +135,14 @@ def test_a_table_has_the_same_numbers_however_it_is_written(
         np.testing.assert_allclose(series.times, ROBOT.times, atol=1e-8)
         np.testing.assert_allclose(series.values, ROBOT.seen(name), atol=1e-8)
         np.testing.assert_allclose(series.crank, ROBOT.crank, atol=1e-6)
+
+
+def test_whole_numbers_behind_commas_and_blanks_have_their_header(tmp_path: Path) -> None:
+    rows = (f'{n}, 40, {n % 7}, {n % 5}' for n in range(30))
+    file = tmp_path / 'serial.txt'
+    file.write_text('\n'.join(['time_ms, crank_deg, B_x_mm, B_y_mm', *rows]))
+    (series,) = load_table(str(file), LEG, (), TableOptions()).measured
+    assert series.values[6].tolist() == [0.006, 0.001]
 
 
 @pytest.mark.parametrize('header', ['t,x,y', '# t,x,y', '# note\nt,x,y', '# my,own,note\n# t,x,y'])
@@ -193,6 +208,7 @@ def test_a_tracked_pin_is_the_crank(tmp_path: Path, capsys: Capture, content: st
         (lambda: text(columns()) + '\n1,2', '', 'is no table of numbers: 2 cells for 6 columns'),
         # 1.234, or one thousand?
         (lambda: text(columns()) + '\n"1,234",2,3,4,5,6', '', 'is no table of numbers'),
+        (lambda: text(columns()) + '\n7,"10,500",3,4,5,6', '', 'column 2 has words and numbers'),
         (lambda: text(columns()) + '\nend,2,3,4,5,6', '', 'line 122 is no table of numbers'),
         (lambda: stamped() + '\n9,5,7,0.1,2,3,4,5', '', 'column 3 has words and numbers'),
         (
