@@ -42,6 +42,7 @@ _FOREIGN_FORMATS = {
     b'\xfd7zXZ\0': f'an xz file{_UNPACK}',
     b'BZh': f'a bzip2 file{_UNPACK}',
     b'PK\x03\x04': f'a zip file{_UNPACK}',
+    b'version https://git-lfs': 'a pointer of Git LFS; `git lfs pull` fetches the file',
 }
 _TAR, _TAR_OFFSET = b'ustar', 257
 # A path in a command to be copied.
@@ -62,8 +63,6 @@ def _open_sqlite(path: Path, unpacked: TemporaryFile | None) -> Storage:
 
 
 _STORAGES: dict[bytes, _OpenStorage] = {MAGIC: McapStorage, _SQLITE_MAGIC: _open_sqlite}
-# For a file with damaged first bytes; MCAP by default.
-_STORAGES_BY_SUFFIX: dict[str, _OpenStorage] = {'.db3': _open_sqlite}
 
 
 def open_files(path: AnyPath) -> tuple[list[Storage], LogFiles]:
@@ -112,7 +111,8 @@ def _open_plain(path: Path, start: bytes) -> Storage:
     if any(start.startswith(magic) for magic in _FOREIGN_FORMATS if len(magic) >= _CERTAIN_SIZE):
         raise NotALogError(path, reason)
     try:
-        return _STORAGES_BY_SUFFIX.get(path.suffix, McapStorage)(path, None)
+        # Its first bytes may be damaged.
+        return (_open_sqlite if path.suffix == '.db3' else McapStorage)(path, None)
     except NotALogError:
         if not reason and path.suffix in COMPRESSED_SUFFIXES:
             reason = 'it should be a zstd file, and does not start as one'

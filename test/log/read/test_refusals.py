@@ -28,6 +28,7 @@ FILES = {
     'a.bag': (b'#ROSBAG V2.0\n' + REST, 'it is a ROS 1 bag; `rosbags-convert --src'),
     'a.pcap': (b'\xd4\xc3\xb2\xa1' + REST, 'it is a pcap capture'),
     'a.pcapng': (b'\x0a\x0d\x0d\x0a' + REST, 'it is a pcapng capture'),
+    'a.mcap': (b'version https://git-lfs.github.com/spec/v1\n', '`git lfs pull` fetches the file'),
     'a.ulg': (b'ULog\x01\x12\x35' + REST, 'it is a ULog of PX4'),
     'a.gz': (b'\x1f\x8b\x08' + REST, 'it is a gzip file; unpack it first'),
     'a.zip': (b'PK\x03\x04' + REST, 'it is a zip file; unpack it first'),
