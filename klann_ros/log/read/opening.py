@@ -111,7 +111,6 @@ def _open_plain(path: Path, start: bytes) -> Storage:
     if any(start.startswith(magic) for magic in _FOREIGN_FORMATS if len(magic) >= _CERTAIN_SIZE):
         raise NotALogError(path, reason)
     try:
-        # Its first bytes may be damaged.
         return (_open_sqlite if path.suffix == '.db3' else McapStorage)(path, None)
     except NotALogError:
         if not reason and path.suffix in COMPRESSED_SUFFIXES:

@@ -80,11 +80,10 @@ def _swaps(review: Review, leg: LegRecording, swaps: IndexArray) -> Finding:
 def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
     """Yield jumps of the crank angle that neither its rate nor lost messages explain."""
     # `check_answers` finds invalid angles; NaN fails the comparison.
-    alphas = leg.cranks.values[:, 0]
-    times = leg.cranks.times
-    is_valid = np.abs(alphas) <= MAX_CRANK_ANGLE
-    alphas = unwrapped(alphas[is_valid])
-    times = times[is_valid]
+    angles = leg.cranks.values[:, 0]
+    is_valid = np.abs(angles) <= MAX_CRANK_ANGLE
+    alphas = unwrapped(angles[is_valid])
+    times = leg.cranks.times[is_valid]
     if len(alphas) < 2:
         return
     steps = np.abs(np.diff(alphas))
