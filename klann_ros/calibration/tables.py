@@ -81,8 +81,7 @@ def load_table(
     for role, name in options.columns.items():
         by_role[role] = _column(path, columns, name)
     requested = {request.name: request.topic for request in requests}
-    roles = {role.removesuffix('.x').removesuffix('.y') for role in by_role}
-    roles -= {'', *ROLES}
+    roles = {role.removesuffix('.x').removesuffix('.y') for role in by_role} - {'', *ROLES}
     names = [*requested]
     for name in () if requests else sorted(roles):
         with suppress(MeasurementError):

@@ -155,12 +155,10 @@ def _path_drift(leg: LegRecording) -> float:
     alphas = alphas[is_finite]
     feet = feet[is_finite]
     quarter = len(alphas) // _DRIFT_PARTS
-    first = slice(0, quarter)
-    last = slice(len(alphas) - quarter, len(alphas))
-    if quarter < _DRIFT_PARTS or min(np.ptp(alphas[first]), np.ptp(alphas[last])) < TURN:
+    if quarter < _DRIFT_PARTS or min(np.ptp(alphas[:quarter]), np.ptp(alphas[-quarter:])) < TURN:
         return nan
-    first_feet, is_exact = _interpolated(alphas[first], feet[first], alphas[last])
-    distances = np.hypot(*(feet[last] - first_feet).T)[is_exact]
+    first_feet, is_exact = _interpolated(alphas[:quarter], feet[:quarter], alphas[-quarter:])
+    distances = np.hypot(*(feet[-quarter:] - first_feet).T)[is_exact]
     return float(distances.max()) if distances.size else nan
 
 

@@ -202,8 +202,7 @@ def _wrong_crank_angles(review: Review, reviewed: ReviewedLeg) -> Iterator[Findi
             'than their input'
         )
         meaning = 'alpha does not follow from the input by direction and phase'
-        is_wrong = wrong[rows]
-        errors = wrapped(alphas[is_wrong] - np.radians(requested_alphas[is_wrong]))
+        errors = wrapped(alphas - np.radians(requested_alphas))[wrong[rows]]
         if np.median(np.abs(errors)) < _MAX_ROUNDING:
             meaning = 'the input is in degrees, and has to be in radians'
         time = review.since_start(leg.poses.times[int(np.argmax(wrong))])

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 import json
+from math import isnan
 from typing import Any, BinaryIO, TYPE_CHECKING
 
 from klann_ros import __version__
@@ -112,7 +113,7 @@ def _rows(review: Review) -> Iterator[Sequence[str]]:
             stamps = _seconds(poses.stamps[block])
             table = np.column_stack([column[block] for column in columns]).tolist()
             for time, stamp, numbers in zip(times, stamps, table, strict=True):
-                yield [*titles, time, stamp, *map(_text, numbers)]
+                yield [*titles, time, stamp, *('' if isnan(x) else repr(x) for x in numbers)]
 
 
 def pose_arrays(leg: ReviewedLeg) -> dict[str, NDArray[Any]]:
@@ -200,7 +201,3 @@ def _seconds(times: IntArray) -> list[str]:
         f'{"-" if time < 0 else ""}{abs(time) // _NS}.{abs(time) % _NS:09d}'
         for time in times.tolist()
     ]
-
-
-def _text(number: float) -> str:
-    return '' if number != number else repr(number)  # noqa: PLR0124 - NaN is not itself
