@@ -158,7 +158,7 @@ def _read_linkage2(text: str) -> Iterable[Joint]:
 
 def _read_csv(text: str) -> Iterator[Joint]:
     """Read a table of joints, its columns named by a header, or in the order name, x, y, links."""
-    lines = text.splitlines()
+    lines = [line for line in text.splitlines() if re.match('(?!sep=|# )[ ,;\t]*[^ ,;\t]', line)]
     delimiter = next((mark for mark in ';\t' if mark in lines[0]), ',')
     header = [cell.strip().lower() for cell in next(csv.reader(lines, delimiter=delimiter))]
     units = [cell for cell in header if re.match(r'(x|y|angle) *[\[(]', cell)]

@@ -42,7 +42,7 @@ class _Hinge:
 def xml_root(text: str, tag: str) -> ET.Element:
     """Return the root of an XML text without a document type; a MechanismError for another tag."""
     if re.search('<!(DOCTYPE|ENTITY)', text):
-        raise MechanismError('it has a document type, which may hold anything')
+        raise MechanismError('it has a document type, as web pages have: save the raw file')
     root = ET.fromstring(text)  # noqa: S314 - without entities, and of limited size
     if root.tag != tag:
         raise MechanismError(f'it has no <{tag}>')

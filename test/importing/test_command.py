@@ -119,10 +119,10 @@ def test_a_standard_input_that_is_closed_is_refused(capsys: pytest.CaptureFixtur
 
 def test_a_table_of_a_spreadsheet_is_read(capsys: pytest.CaptureFixture[str]) -> None:
     rows = [row.split(',', 3) for row in FOUR_BAR.replace('10,', '10.5,').splitlines()]
-    table = '\ufeff"Name";X; Y ;Links;More\r\n'
+    table = '\ufeffsep=;\r\n# a note\r\n"Name";X; Y ;Links;More\r\n;;;;\r\n'
     for name, x, y, links in rows:
         table += f'{name};{x.replace(".", ",")};{y};"{links.replace(" ", ", ")}";-\r\n'
-    assert main([table]) == 0
+    assert main([f'{table}; ;;\t;\r\n']) == 0
     assert capsys.readouterr().out.splitlines()[4:6] == ['  A: [0.0, 0.0]', '  B: [10.5, 30.0]']
 
 
