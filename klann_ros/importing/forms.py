@@ -161,8 +161,7 @@ def _read_csv(text: str) -> Iterator[Joint]:
     lines = [line for line in text.splitlines() if re.match('(?!sep=|# )[ ,;\t]*[^ ,;\t]', line)]
     delimiter = next((mark for mark in ';\t' if mark in lines[0]), ',')
     header = [cell.strip().lower() for cell in next(csv.reader(lines, delimiter=delimiter))]
-    units = [cell for cell in header if re.match(r'(x|y|angle) *[\[(]', cell)]
-    if units:
+    if units := [cell for cell in header if re.match(r'(x|y|angle) *[\[(]', cell)]:
         raise MechanismError(f'{listed(units)}: lengths are in --unit, angles in deg; omit units')
     has_header = {'name', 'x', 'y', 'links'}.issubset(header)
     columns = header if has_header else ('name', 'x', 'y', 'links')
