@@ -150,6 +150,13 @@ class Script:
         for answer in self.answers:
             answer.pose = np.degrees(answer.pose).round(decimals).tolist()
 
+    def round_angles(self, decimals: int | None = None) -> None:
+        """Answer with poses of some decimals, or of 32 bits."""
+        for answer in self.answers:
+            pose = np.array(answer.pose)
+            rounded = np.float32(pose) if decimals is None else pose.round(decimals)
+            answer.pose = rounded.astype(np.float64).tolist()
+
     def ask_in_degrees(self, decimals: int = 9, answered: bool = False) -> None:
         """Ask in degrees below 360; they are answered as radians, or rightly."""
         for n, answer in enumerate(self.answers):

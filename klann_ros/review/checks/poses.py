@@ -1,7 +1,7 @@
 """Check each pose against its crank angle, each foot against its pose, each input for answers."""
 
 from collections.abc import Callable, Iterator
-from math import degrees
+from math import degrees, inf
 from typing import NamedTuple
 
 from klann_ros.kinematics import differences, loop_errors, wrapped
@@ -127,7 +127,7 @@ def _flipped_meaning(leg: LegRecording, first: int) -> str:
 
 
 def _not_closed_meaning(leg: LegRecording, flags: BoolArray) -> str:
-    """Return why poses do not close the loops: other dimensions, or angles in degrees."""
+    """Return why poses do not close the loops: other dimensions, degrees, or rounded angles."""
     rows = np.flatnonzero(flags)[:_MAX_TRIED_POSES]
     slides = np.array(leg.solver.slides)
     if rows.size and leg.solver.leg is not None:
@@ -136,7 +136,22 @@ def _not_closed_meaning(leg: LegRecording, flags: BoolArray) -> str:
         in_radians = np.where(slides, poses, np.radians(poses))
         if np.median(loop_errors(leg.solver.leg, in_radians)) < _UNIT_RATIO * np.median(residuals):
             return 'the angles are in degrees, and have to be in radians'
+        step = _rounding_step(leg.poses.values)
+        if residuals.max() <= 2.0 * step * leg.solver.leg.linkage.size:
+            return (
+                f'the angles are rounded to {step:.1g} rad; if that is intended, raise closure, '
+                'angle and foot by --limits'
+            )
     return 'the poses are of a leg with other dimensions'
+
+
+def _rounding_step(numbers: FloatArray) -> float:
+    """Return the largest step of numbers as 32 bits or some decimals hold them, 0 for doubles."""
+    narrow = numbers.astype(np.float32)
+    if (narrow == numbers).all():
+        return float(np.spacing(np.abs(narrow).max()))
+    decimals = (places for places in range(1, 10) if (numbers.round(places) == numbers).all())
+    return 10.0 ** -next(decimals, inf)
 
 
 def _feet(
