@@ -5,7 +5,6 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import replace
 from errno import EADDRINUSE
-from functools import partial
 from itertools import count
 import logging
 from threading import Event, Thread
@@ -74,8 +73,7 @@ class LiveServer:
         self._clients: set[web.WebSocketResponse] = set()
         self._refusal: Exception | None = None
         self._listening = Event()
-        run = partial(asyncio.run, self._serve())
-        self._thread = Thread(target=run, name='server', daemon=True)
+        self._thread = Thread(target=self._run, name='server', daemon=True)
         self._thread.start()
         self._listening.wait()
         if self._refusal is not None:
@@ -87,6 +85,17 @@ class LiveServer:
             self._loop.call_soon_threadsafe(self._ended.set)
         self._thread.join(5.0 * _CLOSE_TIMEOUT)
         self._log.close()
+
+    def _run(self) -> None:
+        """Serve in a thread; where not even an event loop can be made, the start is refused."""
+        try:
+            asyncio.run(self._serve())
+        except OSError as error:
+            if self._listening.is_set():
+                raise
+            self._refusal = ServerError(_listen_error(error, self.guard))
+        finally:
+            self._listening.set()
 
     async def _serve(self) -> None:
         """Serve until `close`, in the thread of the server."""

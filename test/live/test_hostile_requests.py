@@ -3,8 +3,10 @@
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+import errno
 from inspect import signature
 import json
+import os
 from pathlib import Path
 import struct
 from typing import Any
@@ -369,3 +371,15 @@ async def test_malformed_requests_are_answered_400_and_logged_in_one_line(
 def test_an_address_that_is_not_this_machines_is_refused_in_one_line() -> None:
     with pytest.raises(ServerError, match=r'^cannot listen on 203\.0\.113\.1, port 0: .+$'):
         LiveServer(Guard('203.0.113.1', 0, ''), FakeState())
+
+
+@pytest.mark.filterwarnings('ignore:coroutine .* was never awaited')
+def test_a_start_without_files_for_an_event_loop_is_refused_in_one_line(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse() -> None:
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    monkeypatch.setattr(asyncio.events, 'new_event_loop', refuse)
+    with pytest.raises(ServerError, match=r'^cannot listen on .+: Too many open files$'):
+        LiveServer(Guard('127.0.0.1', 0, ''), FakeState())
