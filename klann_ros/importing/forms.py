@@ -96,7 +96,8 @@ def _read_pmks_plus(text: str) -> Iterator[Joint]:
     for record in link_records.split('.'):
         name, *fields = record.split(',')
         # A whole link, or a part that is welded to others. An empty joint ends them.
-        for joint in fields[6 : fields.index('', 6)] if name[0] in 'YAMG0123' else ():
+        end = fields.index('', 6)
+        for joint in fields[6:end] if name[0] in 'YAMG0123' else ():
             links[joint].append(name[1:])
     rows = [record.split(',') for record in joint_records.split('.')]
     places = {row[0][1:]: unit * complex(_base_64(row[2]), _base_64(row[3])) for row in rows}
