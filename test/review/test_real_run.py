@@ -134,6 +134,8 @@ class Scene:
             self.reports = RecorderReports(self.ros.probe)
             recorder = self.record(run, all_topics='true')
             self.hear(40)
+            # No gap begins in the first 0.3 s of a topic, and this one may be discovered last.
+            self.reports.until_received({'/crank_angle': 40})
             stopped.popen.send_signal(signal.SIGSTOP)
             self.ros.probe.spin(attempt * STOPPED)
             stopped.popen.send_signal(signal.SIGCONT)
