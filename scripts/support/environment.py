@@ -387,8 +387,9 @@ def _fetch_pip(work: Path) -> Path:
 def _run(progress: Progress, *commands: Command) -> None:
     """Run a step of a set-up, its commands side by side; a PipError has a reason in one line."""
     folder = progress.env.folder
-    others = [f'pip_{number}.txt' for number in range(2, len(commands) + 1)]
-    logs = [folder / name for name in (PIP_LOG, *others)]
+    logs = [folder / PIP_LOG]
+    for number in range(2, len(commands) + 1):
+        logs.append(folder / f'pip_{number}.txt')
 
     def step(command: Command, log: Path) -> int | None:
         return run(command, progress.env.variables, log, on_pause=progress.show)
