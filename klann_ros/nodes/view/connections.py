@@ -35,7 +35,7 @@ _ENDINGS = {
     'geometry_msgs/msg/PointStamped': ('point_h',),
 }
 # Types whose messages are stored; the others are counted only.
-_DECODED_TYPES = {JOINT_STATE_TYPE, DIAGNOSTICS_TYPE, ODOMETRY_TYPE, STRING_TYPE}
+_STORED = {JOINT_STATE_TYPE, DIAGNOSTICS_TYPE, ODOMETRY_TYPE, STRING_TYPE, _CRANK_ANGLE_TYPE}
 # Best effort requests no retransmission, so it delays no publisher; losses are shown.
 _QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Maximum numbers of topics and machines of a page.
@@ -152,7 +152,7 @@ class SubscribedTopic:
         # The newest messages with their times of reception [s], and decoded, by length and names.
         self._newest: dict[object, tuple[float, bytes]] = {}
         self._decoded: dict[object, tuple[bytes, Any]] = {}
-        self._on_update = on_update if kind in _DECODED_TYPES else None
+        self._on_update = on_update if kind in _STORED else None
         self.subscription = node.create_subscription(
             self._class,
             name,

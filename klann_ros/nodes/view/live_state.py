@@ -193,14 +193,29 @@ class LiveState(PageState):
             answer(False, BUSY)
 
     def _crank_angle(self, drive: str) -> float:
-        """Return the angle of a driven crank, by a leg on it; 0 if unknown."""
+        """Return the angle of a driven crank, by its messages or a leg on it; 0 if unknown."""
+        topic = drive.removeprefix(f'{CRANK}:')
+        # A busy solver answers late: its newest pose may lie behind the crank.
+        commanded = self._last_commanded_angle(topic)
+        if commanded is not None:
+            return commanded
         for page_leg in self._page_legs:
-            if drive.removeprefix(f'{CRANK}:') in self._crank_topics.get(page_leg.solver, ()):
+            if topic in self._crank_topics.get(page_leg.solver, ()):
                 pose = _newest_pose(page_leg.leg, self._subscriptions.messages(page_leg.topic))
                 if pose is not None:
                     solver = page_leg.leg.solver
                     return crank_at(pose[2][0], solver.direction, solver.phase)
         return 0.0
+
+    def _last_commanded_angle(self, topic: str) -> float | None:
+        """Return the last angle on a topic; None without one or where crank_state is newer."""
+        state_rate = self._subscriptions.rate_of(_crank_state_topic(topic))
+        state_silence = None if state_rate is None else state_rate.silence()
+        for received_at, message in self._subscriptions.messages(topic):
+            is_newest = state_silence is None or monotonic() - received_at < state_silence
+            if is_newest and isfinite(message.data):
+                return float(message.data)
+        return None
 
     # Callbacks in ROS's thread.
 
@@ -314,8 +329,7 @@ class LiveState(PageState):
         offers = []
         for topic in sorted(crank_topics):
             # Both topics turn a solver's crank.
-            crank_state = f'{topic.rpartition("/")[0]}/{CRANK_STATE}'
-            offers.append(self._make_offer(CRANK, topic, crank_state))
+            offers.append(self._make_offer(CRANK, topic, _crank_state_topic(topic)))
         offers += [self._make_offer(WALK, topic) for topic in self._graph.walker_topics(topics)]
         self._drives.offer(offers)
         self._update_drive_states()
@@ -399,6 +413,10 @@ def _described_solvers(texts: tuple[str, ...]) -> Sequence[SolverParameters]:
         with suppress(ValueError):
             solvers.append(described_solver(text, 0))
     return solvers
+
+
+def _crank_state_topic(crank_angle_topic: str) -> str:
+    return f'{crank_angle_topic.rpartition("/")[0]}/{CRANK_STATE}'
 
 
 def _newest_pose(

@@ -133,6 +133,29 @@ def test_a_crank_yields_to_a_page_and_resumes_where_it_is_also_after_kill_9(ros:
     assert_continuous(angles)
 
 
+def test_a_page_begins_at_the_angle_of_the_crank_where_the_solver_is_late(ros: Domain) -> None:
+    angles: list[Float64] = ros.probe.listen(Float64, 'crank_angle')
+    poses: list[JointState] = ros.probe.listen(JointState, 'joint_states')
+    solver = ros.solver()
+    ros.start('crank_node', speed=2.0, rate=100.0)
+    _, url = started(ros)
+    ros.probe.until(lambda: angles and poses)
+
+    async def stand(tab: Tab) -> None:
+        await tab.until(lambda drive: drive['publishers'] and not drive['foreign'])
+        solver.popen.send_signal(signal.SIGSTOP)
+        angle = angles[-1].data
+        await tab.until(lambda _: angles[-1].data > angle + 50 * STEP)
+        await tab.command('take')
+        await tab.until(lambda drive: drive['owner'] and not drive['taking'])
+        begin = len(angles)
+        await tab.until(lambda _: len(angles) > begin + 5)
+
+    drive(ros, url, stand)
+    solver.popen.send_signal(signal.SIGCONT)
+    assert_continuous(angles)
+
+
 def test_a_publisher_that_cannot_yield_is_named_and_nothing_is_driven(ros: Domain) -> None:
     ros.solver()
     _, url = started(ros)
