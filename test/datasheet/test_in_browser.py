@@ -69,10 +69,8 @@ def test_it_is_self_contained_on_a_phone(visit: Visit, pages: dict[str, Path], n
     assert opened.page.evaluate(SCROLLED) == []
 
 
-@pytest.mark.parametrize(
-    ('name', 'scheme'),
-    [('walker', 'dark'), pytest.param('cannot', 'light', marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(('name', 'scheme'), [('walker', 'dark'), ('cannot', 'light')])
 def test_axe_finds_no_barrier(visit: Visit, name: str, scheme: str) -> None:
     assert visit(name, color_scheme=scheme).barriers() == []
 

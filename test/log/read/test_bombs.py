@@ -92,6 +92,8 @@ BOMBS = {
 }
 
 
+# They take seconds of computing each.
+SLOW = {'many descriptions', 'packed messages'}
 # Prints a job's result, the memory it took over what was there [bytes], and what it said.
 MEASURE = """
 from contextlib import redirect_stderr, redirect_stdout
@@ -121,7 +123,10 @@ def run(job, path):
     return json.loads(done.stdout)
 
 
-@pytest.mark.parametrize('bomb', BOMBS)
+@pytest.mark.parametrize(
+    'bomb',
+    [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in BOMBS],
+)
 def test_a_small_file_takes_less_than_200_mb(bomb, tmp_path) -> None:
     make, jobs = BOMBS[bomb]
     (tmp_path / 'x.mcap').write_bytes(make())

@@ -802,6 +802,7 @@ def test_it_fits_a_telephone_and_is_dragged_by_touch(visit, locale: str) -> None
     opened.until('Math.abs(lab.numbers[7] - 0.43) > 0.02')
 
 
+@pytest.mark.slow
 def test_axe_finds_no_barrier(visit) -> None:
     opened = visit(color_scheme='light')
     opened.page.evaluate("document.querySelector('details').open = true")

@@ -194,6 +194,7 @@ def test_a_step_is_shown_in_the_drawing(visit: Any) -> None:
     assert 'Key: ' in opened.page.locator('.practice-key').first.text_content()
 
 
+@pytest.mark.slow
 def test_axe_finds_no_barrier_in_a_solved_exercise(visit: Any) -> None:
     opened = visit('#practice=grashof&seed=5&lang=pt', color_scheme='light')
     opened.page.evaluate('lab.practice.mark(); lab.practice.solve()')
