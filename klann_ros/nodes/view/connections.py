@@ -35,7 +35,7 @@ _ENDINGS = {
     'geometry_msgs/msg/PointStamped': ('point_h',),
 }
 # Types whose messages are stored; the others are counted only.
-_STORED = {JOINT_STATE_TYPE, DIAGNOSTICS_TYPE, ODOMETRY_TYPE, STRING_TYPE, _CRANK_ANGLE_TYPE}
+_STORED_TYPES = {JOINT_STATE_TYPE, DIAGNOSTICS_TYPE, ODOMETRY_TYPE, STRING_TYPE, _CRANK_ANGLE_TYPE}
 # Best effort requests no retransmission, so it delays no publisher; losses are shown.
 _QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Maximum numbers of topics and machines of a page.
@@ -135,7 +135,7 @@ class RosGraph:
 
 
 class SubscribedTopic:
-    """A topic with its rate and newest messages; `on_update` is called when one is stored."""
+    """A topic with its rate and newest messages; `on_update` is called when one is to be shown."""
 
     def __init__(
         self,
@@ -152,7 +152,7 @@ class SubscribedTopic:
         # The newest messages with their times of reception [s], and decoded, by length and names.
         self._newest: dict[object, tuple[float, bytes]] = {}
         self._decoded: dict[object, tuple[bytes, Any]] = {}
-        self._on_update = on_update if kind in _STORED else None
+        self._on_update = on_update
         self.subscription = node.create_subscription(
             self._class,
             name,
@@ -199,7 +199,7 @@ class SubscribedTopic:
 
     def _on_message(self, data: bytes, info: Info) -> None:
         self.rate.add(info['publication_sequence_number'])
-        if self._on_update is None or len(data) > _MAX_MESSAGE_SIZE:
+        if self.kind not in _STORED_TYPES or len(data) > _MAX_MESSAGE_SIZE:
             return
         # Those bytes of an odometry are its numbers.
         names = b'' if self.kind == ODOMETRY_TYPE else data[_JOINT_NAME_BYTES]
@@ -208,7 +208,9 @@ class SubscribedTopic:
             self._newest.clear()
             self._decoded.clear()
         self._newest[key] = monotonic(), data
-        self._on_update()
+        # The page shows the pose that answers a crank angle.
+        if self.kind != _CRANK_ANGLE_TYPE:
+            self._on_update()
 
 
 class TopicSubscriptions:

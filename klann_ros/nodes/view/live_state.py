@@ -196,9 +196,8 @@ class LiveState(PageState):
         """Return the angle of a driven crank, by its messages or a leg on it; 0 if unknown."""
         topic = drive.removeprefix(f'{CRANK}:')
         # A busy solver answers late: its newest pose may lie behind the crank.
-        commanded = self._last_commanded_angle(topic)
-        if commanded is not None:
-            return commanded
+        if (angle := self._last_commanded_angle(topic)) is not None:
+            return angle
         for page_leg in self._page_legs:
             if topic in self._crank_topics.get(page_leg.solver, ()):
                 pose = _newest_pose(page_leg.leg, self._subscriptions.messages(page_leg.topic))
